@@ -111,6 +111,7 @@ flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: d
 bench: setup ## what the process uses, beside the figures kept last; what a scan and the planner link cost [KEEP=1 keeps them]
 	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
+	@$(BIN)/python -m tools.bench.mapping
 	@$(BIN)/python -m tools.bench.link
 
 conformance: setup ## the conformance tests of the planner link, in process, against both receivers (C and Python)

@@ -78,7 +78,7 @@ def with_fields(array: Records) -> Records:
 
 
 def _call_template(ask: Callable[..., Any], args: Sequence[Any], kws: dict[str, Any]) -> Any:
-    """How one kernel calls another: every whole number has 64 bits, whatever its value.
+    """How one kernel calls another: every number has 64 bits, whatever its value.
 
     By itself Numba compiles the other once more for a literal 0, a literal 1, a number of 32 bits.
     """
@@ -86,7 +86,7 @@ def _call_template(ask: Callable[..., Any], args: Sequence[Any], kws: dict[str, 
 
 
 def _wide(of: Any) -> Any:
-    of = types.unliteral(of)
+    of = types.float64 if of == types.float32 else types.unliteral(of)
     return types.int64 if isinstance(of, types.Integer) and of.bitwidth < 64 else of
 
 

@@ -37,8 +37,8 @@ def part_bit(x: float, y: float, cell_m: float, parts: int) -> int:
 
 @kernel
 def ones(bits: int) -> int:
-    """How many bits are set."""
-    count = 0
-    while bits:
-        bits, count = bits & (bits - 1), count + 1
-    return count
+    """How many of 16 bits are set: summed in pairs, in fours, in eights, in all."""
+    bits = (bits & 0x5555) + (bits >> 1 & 0x5555)
+    bits = (bits & 0x3333) + (bits >> 2 & 0x3333)
+    bits = (bits & 0x0F0F) + (bits >> 4 & 0x0F0F)
+    return (bits & 0xFF) + (bits >> 8)

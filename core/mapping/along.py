@@ -20,9 +20,16 @@ OUTSIDE = np.int32(-1)
 
 
 @kernel
+def share_of(b: int, serial: int) -> float:
+    """Which part of a step a beam's first place lies off in a scan: 0..1, evenly spread."""
+    turns = b * GOLDEN + serial * GOLDEN * GOLDEN
+    return turns - math.floor(turns)
+
+
+@kernel
 def first_place_m(b: int, serial: int) -> float:
     """Range of a beam's first place in a scan."""
-    return MIN_RANGE_M + (b * GOLDEN + serial * GOLDEN * GOLDEN) % 1.0 * STEP_M
+    return MIN_RANGE_M + share_of(b, serial) * STEP_M
 
 
 @kernel

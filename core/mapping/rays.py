@@ -16,20 +16,22 @@ from core.geometry import R_from_rpy
 from core.motion.attitude import AttitudeRing, q_at
 from core.motion.odometry import Odometry
 from core.records import F64, PointSweep, Scan
-from jit import allocating_kernel, kernel
+from jit import kernel
 
+Vector = tuple[float, float, float]
+NO_ARM: Vector = (0.0, 0.0, 0.0)
 MIN_RANGE_M = 0.15  # nearer is a scanner's own housing, or the robot's body
 
 
 @kernel
-def _turn_to_map(q: F64, cy: float, sy: float, v: F64) -> None:
-    """Turn `v` (3,) from the body to the earth frame by `q`, then by the heading at the start."""
+def _turned(q: F64, cy: float, sy: float, v: Vector) -> Vector:
+    """From the body to the earth frame by `q`, then by the heading at the start."""
     w, x, y, z = q[0], q[1], q[2], q[3]
-    bx, by, bz = v[0], v[1], v[2]
+    bx, by, bz = v
     ex = (1 - 2 * (y * y + z * z)) * bx + 2 * (x * y - w * z) * by + 2 * (x * z + w * y) * bz
     ey = 2 * (x * y + w * z) * bx + (1 - 2 * (x * x + z * z)) * by + 2 * (y * z - w * x) * bz
     ez = 2 * (x * z - w * y) * bx + 2 * (y * z + w * x) * by + (1 - 2 * (x * x + y * y)) * bz
-    v[0], v[1], v[2] = cy * ex - sy * ey, sy * ex + cy * ey, ez
+    return cy * ex - sy * ey, sy * ex + cy * ey, ez
 
 
 @kernel
@@ -47,7 +49,17 @@ def _times(t_s: float, step_s: float, times_s: F64) -> None:
         times_s[i] = t_s + i * step_s
 
 
-@allocating_kernel
+@kernel
+def _placed(t: Vector, R: F64, v: F64) -> Vector:
+    """t and R (3, 3) times v (3,)."""
+    return (
+        t[0] + R[0, 0] * v[0] + R[0, 1] * v[1] + R[0, 2] * v[2],
+        t[1] + R[1, 0] * v[0] + R[1, 1] * v[1] + R[1, 2] * v[2],
+        t[2] + R[2, 0] * v[0] + R[2, 1] * v[1] + R[2, 2] * v[2],
+    )
+
+
+@kernel
 def _cast(
     fan: tuple[F64, F64, F64],
     attitude_t_s: F64,
@@ -56,35 +68,32 @@ def _cast(
     count: int,
     yaw_start_rad: float,
     R_body_sensor: F64,
-    t_body_sensor: F64,
+    t_body_sensor: Vector,
     first: F64,
     last: F64,
+    q: F64,
     from_map: F64,
     rays: F64,
 ) -> None:
     """Fills `from_map` and `rays` (n, 3), map frame.
 
     `fan` is origins and directions (n, 3) in the sensor's frame, and times (n,); `first` and `last`
-    (3,) are where the body was at the first and at the last beam.
+    (3,) are where the body was at the first and at the last beam; in `q` (4,) it turns.
     """
     origins, directions, times_s = fan
-    n = times_s.size
-    q, ray, arm = np.empty(4), np.empty(3), np.empty(3)
+    n, kept = times_s.size, attitude_t_s.size
     cy, sy = math.cos(-yaw_start_rad), math.sin(-yaw_start_rad)
-    older = count - 2  # samples before all beams: to be looked through once, not for each
-    while older > 0 and attitude_t_s[(start + older) % attitude_t_s.size] > times_s[0]:
-        older -= 1
-    start = (start + older) % attitude_t_s.size
+    a = newest = (start + count - 2) % kept  # the sample before a beam: near the last one's
     for i in range(n):
-        q_at(attitude_t_s, q_earth_body, start, count - older, times_s[i], q)
+        at_s = times_s[i]
+        while a != newest and attitude_t_s[(a + 1) % kept] <= at_s:
+            a = (a + 1) % kept
+        while a != start and attitude_t_s[a] > at_s:
+            a = (a - 1) % kept
+        q_at(attitude_t_s, q_earth_body, a, 2, at_s, q)
         share = i / (n - 1) if n > 1 else 0.0
-        for k in range(3):
-            ray[k], arm[k] = 0.0, t_body_sensor[k]
-            for m in range(3):
-                ray[k] += R_body_sensor[k, m] * directions[i, m]
-                arm[k] += R_body_sensor[k, m] * origins[i, m]
-        _turn_to_map(q, cy, sy, ray)
-        _turn_to_map(q, cy, sy, arm)
+        ray = _turned(q, cy, sy, _placed(NO_ARM, R_body_sensor, directions[i]))
+        arm = _turned(q, cy, sy, _placed(t_body_sensor, R_body_sensor, origins[i]))
         for k in range(3):
             from_map[i, k] = (1 - share) * first[k] + share * last[k] + arm[k]
             rays[i, k] = ray[k]
@@ -158,10 +167,10 @@ class BeamGeometry:
         max_beams: int,
     ) -> None:
         self._R_body_sensor = R_from_rpy(mount_roll_rad, mount_tilt_rad, mount_yaw_rad)
-        self._t_body_sensor = np.array(mount_xyz_m, dtype=np.float64)
+        self._t_body_sensor: Vector = mount_xyz_m
         self._origins, self._directions = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
         self._fan = (0, 0.0, 0.0)  # beams, first and step of the directions there are
-        self._times_s = np.zeros(max_beams)
+        self._times_s, self._q = np.zeros(max_beams), np.zeros(4)
         self._from_map, self._rays = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
 
     def points(self, scan: Scan) -> PointSweep:
@@ -197,6 +206,7 @@ class BeamGeometry:
             self._t_body_sensor,
             odometry.xyz_at(first_s),
             odometry.xyz_at(last_s),
+            self._q,
             from_map,
             rays,
         )

@@ -8,14 +8,14 @@ import math
 import numpy as np
 
 from core.config import Config
-from core.mapping.surface.cells import APART, CELL
-from core.mapping.surface.evidence import LEAST, MOST
+from core.mapping.surface.cells import APART, CELL, MOST_LOOKS
+from core.mapping.surface.constants import LEAST, MOST
 from core.mapping.surface.maps import SurfaceMaps
 from core.saved.bounds import MOST_M, MOST_S, MOST_SCANS, check_places, check_within
 from core.saved.encoding import Arrays
 
-KEPT = tuple(name for name in CELL.names or () if name != "slot")
-UNBOUNDED = ("least_m", "low_m", "top_m", "under_m", "far_m")  # inf or -inf while there is none
+KEPT = CELL.names or ()
+UNBOUNDED = ("floor_m", "low_m", "top_m", "under_m")  # inf or -inf while there is none
 ALWAYS = math.radians(5.0)  # more than this no attitude is always wrong by
 BOUNDS = {
     "var_m2": (0.0, MOST_M),
@@ -24,9 +24,8 @@ BOUNDS = {
     "floor_s": (-MOST_S, MOST_S),
     "stands": (LEAST, MOST),
     "soft": (-MOST_SCANS, 2.0 * MOST),
-    "looks": (0.0, MOST_SCANS),
-    "floor_parts": (0.0, 0xFFFF),
-    "under_parts": (0.0, 0xFFFF),
+    "looks": (0.0, MOST_LOOKS),
+    "parts": (0.0, 0xFFFFFFFF),
     "tied": (0.0, APART),
 }
 

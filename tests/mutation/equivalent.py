@@ -23,8 +23,7 @@ EQUIVALENT: dict[str, str] = {
     f"{CARVING} _goes_through: middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER -> "
     "middle - (k - 0.5 * (FINER - 1)) * STEP_M / FINER": "the same places, in another order",
     f"{CARVING} _note: 1 -> 2": ANY,
-    "core/mapping/along.py first_place_m: "
-    "b * GOLDEN -> b / GOLDEN": "the inverse has the same fraction",
+    "core/mapping/along.py share_of: b * GOLDEN -> b / GOLDEN": "the inverse has the same fraction",
     f"{CARVING} FreeSpaceCarver.__init__: 0 -> 1": "the cell itself says that nothing stands there",
     f"{CARVING} FreeSpaceCarver.__init__: 1 -> 2": "any length below zero says all",
     f"{CLASSIFIER} _is_among_soft: i + AROUND[side][0] -> i - AROUND[side][0]": ALL_AROUND,

@@ -5,15 +5,23 @@ from typing import Any
 
 import numpy as np
 
-from core.mapping.surface.cells import BLANK, CELL, TIED, Surface
+from core.mapping.surface.cells import BLANK, CELL, PART_BITS, TIED, Ground, Surface
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.sweep import RETURN, Beams, Stand
 from core.mapping.surface.touched import Limits, none_touched
 from core.records import F64
 from jit import Records, records
 
-LIMITS = Limits(0.10, -0.10, 1.30, 4)
+LIMITS = Limits(0.10, -0.10, 1.30, 0.04**2, 11.6, 4)
+RISES = 0.06  # half the tilt of the scan plane
 NOISE_M2 = 1e-4  # of a return
+
+
+def packed(fields: dict[str, Any]) -> dict[str, Any]:
+    """Fields of a cell, in which parts with floor and parts under which beams were are one."""
+    rest = dict(fields)
+    floor, under = rest.pop("floor_parts", 0), rest.pop("under_parts", 0)
+    return rest | {"parts": floor | under << PART_BITS}
 
 
 class GroundCells:
@@ -26,7 +34,9 @@ class GroundCells:
         self.cells[:] = BLANK
         self.own: F64 = np.zeros(5)
         low_i, low_j = corner or (-(size // 2), -(size // 2))
-        self.surface = Surface(self.cells, low_i, low_j, size, cell_m, self.own)
+        self.surface: Surface = Ground(self.cells, size, cell_m, RISES, self.own).surface(
+            low_i, low_j
+        )
         count = size * size
         self.touched = none_touched(np.zeros(count, np.uint8), np.full(count, -math.inf))
 
@@ -38,7 +48,7 @@ class GroundCells:
         """Floor that was seen at a world cell; its flat index."""
         at = self.at(i, j)
         usual = {"var_m2": 1e-5, "looks": 4, "floor_s": 0.0, "stands": -3.0, "tied": TIED}
-        for name, value in ({"ground_m": z_m} | usual | more).items():
+        for name, value in packed({"ground_m": z_m} | usual | more).items():
             self.cells[name][at] = value
         return at
 
@@ -52,6 +62,7 @@ def met(
     one["at"] = at = ground.at(int(x_m // 0.2), 0)
     one["x_m"], one["y_m"], one["z_m"], one["ahead_m"] = x_m, 0.1, z_m, 5.0
     cell = ground.cells[at]
+    one["from_x"], one["from_y"] = x_m - (x_m // 0.2 + 0.5) * 0.2, 0.0
     one["height_m"] = one["near_m"] = z_m - cell["ground_m"]
     one["var_m2"] = one["near_var_m2"] = cell["var_m2"]
     one["noise_m2"], one["wander_m2"], one["is_before"] = NOISE_M2, 1e-3, 1

@@ -45,8 +45,9 @@ class Outcome:
     def draw(
         self, path: Path, caption: str, views: Sequence[MapView], x_m: Span, y_m: Span
     ) -> None:
-        draw_maps(path, caption, views, x_m, y_m)
-        self.pictures.append((path.name, caption))
+        if views:
+            draw_maps(path, caption, views, x_m, y_m)
+            self.pictures.append((path.name, caption))
 
 
 def verdict(row: Row, method: str = "beams", other: str = "reference_plane") -> str:

@@ -38,6 +38,7 @@ BOTH = ("reference_plane", "beams")  # whose maps the pictures show
 LANE_M = 0.3  # to either side: half the robot's width
 FRONT_M = 0.52  # of the robot, ahead of its axle
 AROUND_M = 0.4  # of the span in which an obstacle cell may lie, before and behind
+ALONE = list[str]()  # methods that run, where not all shall: then no picture is drawn
 LINK_HZ = 5.0  # nobody listens to the planner's wire here
 
 
@@ -94,8 +95,8 @@ def methods(quick: bool, **sections: dict[str, Any]) -> dict[str, Config]:
         "kalman": {"method": "beams", "cell_value": "kalman"},
         "surface": {"method": "surface"},
     }
-    if quick:
-        kinds = {name: kinds[name] for name in BOTH}
+    if quick or ALONE:
+        kinds = {name: kinds[name] for name in ALONE or BOTH}
     return {name: with_changes(base, map=keys) for name, keys in kinds.items()}
 
 
@@ -176,7 +177,7 @@ class Trial:
         return view_of(name, self.apps[name])
 
     def views(self, *names: str) -> list[MapView]:
-        return [self.view(name) for name in names or self.apps]
+        return [self.view(name) for name in names or self.apps if name in self.apps]
 
     def cells(self, view: MapView) -> CellTruth:
         return self.truth.cells(view.corner_i, view.corner_j, view.size, view.cell_m)

@@ -69,7 +69,7 @@ def _heights_m(maps: Maps) -> F64:
     if isinstance(maps, ReferencePlaneMaps):
         return straightened(maps.window.grid, maps.heights_m())
     if isinstance(maps, SurfaceMaps):
-        grid, seen = maps.grid, maps.heights_m()
+        grid, seen = maps.grid, maps.heights_over_plane_m()
     else:
         assert isinstance(maps, BeamMaps)
         grid = maps.elevation.grid

@@ -10,6 +10,7 @@ Source: docs/method.md, section 5.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,15 +34,20 @@ from core.mapping.causes import (
     UNSHOWN,
 )
 from core.mapping.freshness import Freshness
-from core.mapping.surface.cells import APART, TIED, Surface, index_of, row_of, world_cell
-from core.mapping.surface.error import GATE
-from core.mapping.surface.evidence import CLEAR
+from core.mapping.surface.cells import (
+    APART,
+    TIED,
+    Surface,
+    floor_parts,
+    index_of,
+    row_of,
+    under_parts,
+    world_cell,
+)
+from core.mapping.surface.constants import CLEAR, GATE, HIT, LIKELY
 from core.mapping.surface.touched import Limits
 from core.records import F64, I8, I32, I64, OBSTACLE, U8
 from jit import Record, kernel
-
-LIKELY = 3.0  # log-odds: something stands here
-HIGHER = 2.0  # sigmas that it is higher than the ground
 
 _state_of, _shown_cause = kernel(causes.state_of), kernel(causes.shown_cause)
 
@@ -55,14 +61,14 @@ def _missing(cell: Record, h_neg: float, noise: float) -> int:
     """
     if cell.under_m == math.inf:
         return 0
-    if cell.looks == 0 and cell.far_m <= h_neg:
+    if cell.looks == 0 and cell.floor_m <= h_neg:
         return NO_FLOOR
     doubt = GATE * math.sqrt(cell.var_m2 + noise)
     if -cell.under_m <= doubt:
         return UNSHOWN if cell.under_m <= h_neg else 0
     if cell.under_m <= h_neg:
         return NO_FLOOR
-    far = 0.0 if cell.looks > 0 else cell.far_m
+    far = 0.0 if cell.looks > 0 else cell.floor_m
     if far == math.inf:
         return UNSHOWN
     return NO_FLOOR if far <= h_neg or far - cell.under_m > doubt else 0
@@ -76,8 +82,8 @@ def _is_whole(cell: Record, parts: int, is_framed: bool) -> bool:
     where it is framed.
     """
     return bool(
-        ones(cell.floor_parts) > (0 if is_framed else row_of(parts))
-        and ones(cell.under_parts & ~cell.floor_parts) < max(2, parts // 2)
+        ones(floor_parts(cell)) > (0 if is_framed else row_of(parts))
+        and ones(under_parts(cell) & ~floor_parts(cell)) < max(2, parts // 2)
     )
 
 
@@ -85,7 +91,7 @@ def _is_whole(cell: Record, parts: int, is_framed: bool) -> bool:
 def _is_seen(cell: Record, k: int, along: int, parts: int) -> bool:
     """Whether floor was seen in any of the k-th parts of a cell along x (0) or y (1)."""
     for n in range(parts):
-        if cell.floor_parts >> (n * parts + k if along == 0 else k * parts + n) & 1:
+        if floor_parts(cell) >> (n * parts + k if along == 0 else k * parts + n) & 1:
             return True
     return False
 
@@ -129,7 +135,7 @@ def rule_of(
         return missing
     stands = cell.stands >= LIKELY or (shown == OBSTACLE and cell.stands > 0.0)
     if stands and not passable:
-        return STANDS if cell.top_m > HIGHER * math.sqrt(cell.var_m2 + noise) else GUESSED
+        return STANDS if cell.top_m > HIT * math.sqrt(cell.var_m2 + noise) else GUESSED
     if cell.looks == 0:
         return UNSHOWN
     if cell.tied != TIED:
@@ -158,49 +164,71 @@ def is_passable(at: int, i: int, j: int, limits: Limits, surface: Surface) -> bo
     return True
 
 
+class Shown(NamedTuple):
+    """The planner's window, as kernels are given it."""
+
+    corner_i: int  # world cell with the lowest i and j,
+    corner_j: int
+    turn_i: int  # and its column and row
+    turn_j: int
+    size: int
+    cells: I8  # (size * size,) states
+    marked: I8  # of those that changed,
+    changed: I32  # and their list
+    seen_s: F64  # (cells of the surface,) when a beam met or passed one last
+    oldest_s: float  # what was seen before is too old
+    noise_m2: float  # of a return from level ground
+
+
+@kernel
+def _place_in(i: int, j: int, shown: Shown) -> int:
+    """Flat index of a world cell in the window; -1: it lies outside."""
+    size, column, row = shown.size, i - shown.corner_i, j - shown.corner_j
+    if not (0 <= column < size and 0 <= row < size):
+        return -1
+    column, row = column + shown.turn_i, row + shown.turn_j
+    column = column - size if column >= size else column
+    row = row - size if row >= size else row
+    return row * size + column
+
+
 @kernel
 def _rule_at(
-    at: int, i: int, j: int, shown: int, seen_s: F64, oldest_s: float, limits: Limits,
-    noise: float, surface: Surface,
-) -> int:  # fmt: skip
+    at: int, i: int, j: int, state: int, limits: Limits, surface: Surface, shown: Shown
+) -> int:
     """Which rule decides the cell of a surface that is world cell i, j."""
     passable = is_passable(at, i, j, limits, surface)
     cell = surface.cells[at]
-    framed = ones(cell.floor_parts) <= row_of(limits.parts) and is_framed(i, j, limits, surface)
-    return rule_of(cell, shown, seen_s[at], oldest_s, limits, noise, passable, framed)
+    framed = 0 < ones(floor_parts(cell)) <= row_of(limits.parts)
+    framed = framed and is_framed(i, j, limits, surface)
+    seen_s, oldest_s = shown.seen_s[at], shown.oldest_s
+    return rule_of(cell, state, seen_s, oldest_s, limits, shown.noise_m2, passable, framed)
 
 
 @kernel
-def _decide(
-    touched: I32, surface: Surface, limits: Limits, noise: float, seen_s: F64, oldest_s: float,
-    to: tuple[int, int, int], shown: I8, marked: I8, changed: I32, used: int,
-) -> int:  # fmt: skip
+def decide_cells(touched: I32, surface: Surface, limits: Limits, shown: Shown, used: int) -> int:
     """Decide cells again into the planner's window; how many of it have changed."""
-    out = to[2]
     for at in touched:
         i, j = world_cell(at, surface)
-        if 0 <= i - to[0] < out and 0 <= j - to[1] < out:
-            into = (j % out) * out + i % out
-            cause = _rule_at(at, i, j, shown[into], seen_s, oldest_s, limits, noise, surface)
-            used = put_state(into, _state_of(cause), shown, marked, changed, used)
+        into = _place_in(i, j, shown)
+        if into >= 0:
+            cause = _rule_at(at, i, j, shown.cells[into], limits, surface, shown)
+            used = put_state(into, _state_of(cause), shown.cells, shown.marked, shown.changed, used)
     return used
 
 
 @kernel
-def _list_causes(
-    i: I64, j: I64, surface: Surface, limits: Limits, noise: float, seen_s: F64, oldest_s: float,
-    to: tuple[int, int, int], shown: I8, out: U8,
-) -> None:  # fmt: skip
+def _list_causes(i: I64, j: I64, surface: Surface, limits: Limits, shown: Shown, out: U8) -> None:
     """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
-    size = to[2]
     for k in range(i.size):
         out[k] = OUTSIDE
-        if not (0 <= i[k] - to[0] < size and 0 <= j[k] - to[1] < size):
+        into = _place_in(i[k], j[k], shown)
+        if into < 0:
             continue
-        state, cause = shown[(j[k] % size) * size + i[k] % size], UNSEEN
+        state, cause = shown.cells[into], UNSEEN
         at = index_of(i[k], j[k], surface)
         if at >= 0:
-            cause = _rule_at(at, i[k], j[k], state, seen_s, oldest_s, limits, noise, surface)
+            cause = _rule_at(at, i[k], j[k], state, limits, surface, shown)
         out[k] = _shown_cause(cause, _state_of(cause), state)
 
 
@@ -211,29 +239,26 @@ class Decision:
         self, window: ObstacleWindow, fresh: Freshness, limits: Limits, noise_m2: float
     ) -> None:
         self._window, self._fresh, self._limits, self._noise_m2 = window, fresh, limits, noise_m2
+        self._states = window.cells.reshape(-1)
 
     @property
-    def _to(self) -> tuple[int, int, int]:
-        grid = self._window.grid
-        return grid.corner_i, grid.corner_j, grid.size
-
-    def decide(self, touched: I32, surface: Surface) -> None:
-        """Decide cells again (flat indices of the surface)."""
-        window, fresh = self._window, self._fresh
-        window.used = _decide(
-            touched, surface, self._limits, self._noise_m2, fresh.seen_s, fresh.oldest_s, self._to,
-            window.cells.ravel(), window.marked, window.changed, window.used,
+    def shown(self) -> Shown:
+        """The window as it is now, for kernels."""
+        window, fresh, grid = self._window, self._fresh, self._window.grid
+        i, j, size = grid.corner_i, grid.corner_j, grid.size
+        return Shown(
+            i, j, i % size, j % size, size, self._states, window.marked,
+            window.changed, fresh.seen_s, fresh.oldest_s, self._noise_m2,
         )  # fmt: skip
 
     def causes(self, i: I64, j: I64, surface: Surface) -> U8:
         """Why the window shows what it does at world cells i, j (n,), by the rules that decide."""
-        fresh, found = self._fresh, np.zeros(i.size, dtype=np.uint8)
-        _list_causes(
-            i, j, surface, self._limits, self._noise_m2, fresh.seen_s, fresh.oldest_s, self._to,
-            self._window.cells.ravel(), found,
-        )  # fmt: skip
+        found = np.zeros(i.size, dtype=np.uint8)
+        _list_causes(i, j, surface, self._limits, self.shown, found)
         return found
 
     def follow(self, x_m: float, y_m: float, source: RingGrid, surface: Surface) -> None:
         """Move the window with the robot; what enters and is known in the surface is decided."""
-        self.decide(self._window.follow_in(source, x_m, y_m), surface)
+        entered, window = self._window.follow_in(source, x_m, y_m), self._window
+        if entered.size:
+            window.used = decide_cells(entered, surface, self._limits, self.shown, window.used)

@@ -19,22 +19,48 @@ Source: docs/method.md, section 3; Kalman filter in information form, Tukey's we
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from core.mapping.surface.cells import FLAT_M, Surface, cell_at, from_centre, ground_of
+from core.mapping.surface.cells import Surface, cell_at, from_centre, ground_of
+from core.mapping.surface.constants import (
+    ALIKE_S,
+    BINS,
+    FAST_S,
+    FLAT_M,
+    GATE,
+    ROUNDS,
+    SIGMA_FAST_RAD,
+    SIGMA_JUMP_RAD,
+    SIGMA_STATIC_RAD,
+    WITNESSES,
+)
 from core.motion.tilt import TiltFilter
 from core.records import F64
-from jit import Record, Records, allocating_kernel, kernel
+from jit import Record, Records, kernel
 
-SIGMA_FAST_RAD, FAST_S = math.radians(0.15), 10.0  # what the tilt filter leaves, and how slowly
-SIGMA_JUMP_RAD = math.radians(1.0)  # where it goes over to other angles (sheet: 2 deg is two)
-SIGMA_STATIC_RAD = math.radians(0.25)  # of an attitude sensor for always (sheet: 0.5 deg is two)
-GATE = 3.0  # sigmas: what is farther off belongs to something else
-ROUNDS = 3  # of reweighting
-WITNESSES = 15  # so many at least: fewer may lie on one thing
 STATES = 5
-ALIKE_S = 1.0  # so long, witnesses are the same, and err by the same
+
+
+class Room(NamedTuple):
+    """What an estimate is worked out in."""
+
+    M: F64  # (5, 5) information, and (5,) of what
+    y: F64
+    C: F64  # (5, 5) its root, and (5,) what that tells
+    v: F64
+    P: F64  # (5, 5) the covariance with it
+    gone: F64  # (5,) how far it has moved since the returns were held against the ground
+    h: F64  # (5,)
+    Ph: F64  # (5,)
+    bins: F64  # (BINS,) in which returns over a guess are counted
+
+
+def new_room() -> Room:
+    square, line = (STATES, STATES), STATES
+    shapes = (square, line, square, line, square, line, line, line, BINS)
+    return Room(*(np.zeros(shape) for shape in shapes))
 
 
 @kernel
@@ -98,10 +124,18 @@ def _spread(h: F64, P: F64) -> float:
     return total
 
 
-@allocating_kernel
-def _measure(h: F64, off: float, var: float, own: F64, P: F64) -> None:
+@kernel
+def _copy(P: F64, to: F64) -> None:
+    """A covariance; an assignment of slices would make an array."""
+    for i in range(STATES):
+        for k in range(STATES):
+            to[i, k] = P[i, k]
+
+
+@kernel
+def _measure(h: F64, off: float, var: float, own: F64, P: F64, Ph: F64) -> None:
     """Kalman's update by one measurement: h (5,) times the states is more than told by `off`."""
-    Ph, S = np.empty(STATES), var
+    S = var
     for i in range(STATES):
         Ph[i] = 0.0
         for k in range(STATES):
@@ -113,14 +147,16 @@ def _measure(h: F64, off: float, var: float, own: F64, P: F64) -> None:
             P[i, k] -= Ph[i] * Ph[k] / S
 
 
-@allocating_kernel
-def _join(M: F64, y: F64, own: F64, P: F64) -> None:
-    """Information M (5, 5) and y (5,) into the filter.
+@kernel
+def _join(own: F64, P: F64, room: Room) -> None:
+    """Information `room.M` (5, 5) and `room.y` (5,) into the filter.
 
     M = C C' by Cholesky: each column c of C is a measurement of its own, v = c own, of variance 1,
     where C v = y.
     """
-    C, v = np.zeros((STATES, STATES)), np.zeros(STATES)
+    M, y, C, v = room.M, room.y, room.C, room.v
+    C[:] = 0.0
+    v[:] = 0.0
     for k in range(STATES):
         left, rest = M[k, k], y[k]
         for m in range(k):
@@ -138,13 +174,13 @@ def _join(M: F64, y: F64, own: F64, P: F64) -> None:
         off = v[k]
         for i in range(k, STATES):
             off -= C[i, k] * own[i]
-        _measure(C[:, k], off, 1.0, own, P)
+        _measure(C[:, k], off, 1.0, own, P, room.Ph)
 
 
-@allocating_kernel
+@kernel
 def roll_on(
     x: float, y: float, z: float, travel_m: float, passed_s: float, far_m: float,
-    surface: Surface, P: F64,
+    surface: Surface, P: F64, room: Room,
 ) -> None:  # fmt: skip
     """The wheels on a cell: its ground is under them.
 
@@ -155,7 +191,7 @@ def roll_on(
     at, own = cell_at(x, y, surface), surface.own
     if at < 0 or surface.cells[at].looks == 0 or passed_s <= 0.0:
         return
-    cell, h, cell_m = surface.cells[at], np.empty(STATES), surface.cell_m
+    cell, h, cell_m = surface.cells[at], room.h, surface.cell_m
     _row(0.0, 0.0, travel_m, cell, h)
     off = z - own[0] - own[3] * travel_m - ground_of(cell, own)
     off -= cell.slope_x * from_centre(x, cell_m) + cell.slope_y * from_centre(y, cell_m)
@@ -163,19 +199,15 @@ def roll_on(
     if off * off > GATE * GATE * (var + _spread(h, P)):
         return
     # cells one behind the other were laid with one error
-    _measure(h, off, 2.0 * FAST_S * var / passed_s, own, P)
+    _measure(h, off, 2.0 * FAST_S * var / passed_s, own, P, room.Ph)
 
 
-@allocating_kernel
+@kernel
 def _gather(
-    returns: Records, cells: int, t_s: float, travel_m: float, surface: Surface, gone: F64,
-    P: F64, M: F64, y: F64,
-) -> float:  # fmt: skip
-    """Sum what the witnesses say into M, y; how many of them are of one mind.
-
-    gone: (5,) how far the estimate has moved since they were held against the ground.
-    """
-    h, total = np.empty(STATES), 0.0
+    returns: Records, cells: int, t_s: float, travel_m: float, surface: Surface, P: F64, room: Room
+) -> float:
+    """Sum what the witnesses say into `room.M`, `room.y`; how many of them are of one mind."""
+    h, M, y, gone, total = room.h, room.M, room.y, room.gone, 0.0
     M[:] = 0.0
     y[:] = 0.0
     for b in range(returns.size):
@@ -204,34 +236,37 @@ def _gather(
     return total
 
 
-@allocating_kernel
+@kernel
 def set_right(
-    returns: Records, t_s: float, passed_s: float, travel_m: float, surface: Surface, P: F64
-) -> None:
+    returns: Records, t_s: float, passed_s: float, travel_m: float, surface: Surface, P: F64,
+    room: Room,
+) -> None:  # fmt: skip
     """Take the sweep's error out of its returns, and note it in `surface.own`, P."""
-    M, y, gone = np.empty((STATES, STATES)), np.empty(STATES), np.zeros(STATES)
-    now, weight, cells, last = P.copy(), passed_s, 0, -1
+    M, y, gone, now = room.M, room.y, room.gone, room.P
+    cells, last = 0, -1
+    _copy(P, now)
+    gone[:] = 0.0
     for b in range(returns.size):
         witness = returns[b].witness
         cells += witness >= 0 and witness != last
         last = witness
     for _ in range(ROUNDS):
-        total = _gather(returns, cells, t_s, travel_m, surface, gone, P, M, y)
+        total = _gather(returns, cells, t_s, travel_m, surface, P, room)
         if total < WITNESSES:
-            now[:] = P
+            _copy(P, now)
             gone[:] = 0.0
             break
-        now[:] = P
+        _copy(P, now)
         gone[:] = 0.0
         for i in range(STATES):
-            y[i] *= weight / total
+            y[i] *= passed_s / total
             for k in range(STATES):
-                M[i, k] *= weight / total
-        _join(M, y, gone, now)
+                M[i, k] *= passed_s / total
+        _join(gone, now, room)
     own = surface.own
     for k in range(STATES):
         own[k] += gone[k]
-    P[:] = now
+    _copy(now, P)
     for b in range(returns.size):
         one = returns[b]
         if one.at < 0:
@@ -256,6 +291,7 @@ class SweepFilter:
         self.far_m = far_m  # where level ground is met
         self.own: F64 = np.zeros(STATES)
         self.P: F64 = np.zeros((STATES, STATES))
+        self.room = new_room()
         self._doubted = 0
         self.restart()
 

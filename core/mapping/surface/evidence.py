@@ -13,27 +13,41 @@ import math
 from core.grid.places import ones, part_bit
 from core.mapping.surface.cells import (
     APART,
-    FLAT_M,
     LOOSE,
-    STEEPEST,
+    MOST_LOOKS,
+    PART_BITS,
     TIED,
     Surface,
     cell_at,
-    from_centre,
+    floor_parts,
     ground_of,
     index_of,
-    predict,
+    plane_at,
     row_of,
+    under_parts,
+    world_cell,
 )
-from core.mapping.surface.error import GATE, parted_m2
+from core.mapping.surface.constants import (
+    ALIKE_S,
+    CLEAR,
+    FLAT_M,
+    GATE,
+    HIT,
+    LEAST,
+    LOWERED,
+    MOST,
+    PASS_THROUGH,
+    SIGMA_RANGE_M,
+    STEEPEST,
+    THING_M,
+)
+from core.mapping.surface.error import parted_m2
 from core.mapping.surface.soft import softness
 from core.mapping.surface.sweep import (
     ABOVE,
     BELOW,
     FLOOR,
-    GUESS_M,
     HIGH,
-    SIGMA_RANGE_M,
     Beams,
     Stand,
 )
@@ -49,14 +63,6 @@ from core.mapping.surface.touched import (
 )
 from core.records import F64
 from jit import Record, kernel
-
-HIT, SEEN_FLOOR = 2.0, -0.25  # votes, in log-odds
-CLEAR = -1.5  # log-odds: nothing stands here
-MOST, LEAST = 4.5, CLEAR - HIT  # they are never surer: one scan alone does not end what is clear
-BAND_M = 0.2  # between returns of one thing
-LOWERED = 0.5  # how far one scan moves what is known of ground that was not met
-SURE_M2 = 1e-6  # a cell's ground is never surer: 1 mm
-LATELY_S = 1.0  # in which an attitude wanders little
 
 
 @kernel
@@ -82,9 +88,9 @@ def lower(cell: Record, slot: int, part: int, depth: float, touched: Touched) ->
 
     Where floor was seen, it is the beam that errs.
     """
-    if cell.floor_parts & part:
+    if floor_parts(cell) & part:
         return
-    cell.under_parts |= part
+    cell.parts |= part << PART_BITS
     before = 0.0 if cell.under_m == math.inf else cell.under_m
     if depth < before and not touched.bits[slot] & WENT_UNDER:
         touched.bits[slot] |= WENT_UNDER
@@ -105,11 +111,10 @@ def _lay(cell: Record, z: float, gain: float, one: Record, stand: Stand, own: F6
 @kernel
 def stay(cell: Record, move: float) -> None:
     """What was seen stays where it is while the ground moves."""
-    cell.least_m -= move
+    cell.floor_m -= move
     cell.low_m -= move
     cell.top_m -= move
     cell.under_m -= move
-    cell.far_m -= move
 
 
 @kernel
@@ -125,15 +130,16 @@ def _see_floor(
         aged += parted_m2(one.ahead_m, one.aside_m, since_s)
     gain = aged / (aged + one.noise_m2)
     move = _lay(cell, z, gain, one, stand, own)
-    if since_s < LATELY_S:  # else all of it was seen by another attitude
+    if since_s < ALIKE_S:  # else all of it was seen by another attitude
         stay(cell, move)
-    cell.var_m2 = max(SURE_M2, (1.0 - gain) * aged)
+    cell.var_m2 = (1.0 - gain) * aged
     cell.floor_s = stand.t_s
-    cell.looks += 1
-    x, y, cell_m = one.x_m, one.y_m, surface.cell_m
-    i, j = math.floor(x / cell_m), math.floor(y / cell_m)
+    if cell.looks == 0:  # until then it was that of ground beyond it
+        cell.floor_m = math.inf
+    cell.looks = min(MOST_LOOKS, cell.looks + 1)
+    i, j = world_cell(at, surface)
     if cell.looks & (cell.looks - 1) == 0:  # the first, second, fourth, eighth...
-        plane = predict(i, j, stand.x_m, stand.y_m, surface)
+        plane = plane_at(i, j, stand.x_m, stand.y_m, surface)
         cell.slope_x, cell.slope_y = plane.slope_x, plane.slope_y
     if cell.looks == 1:
         doubt = GATE * math.sqrt(one.var_m2)
@@ -146,24 +152,23 @@ def _see_floor(
 
 
 @kernel
-def _see_part(at: int, one: Record, limits: Limits, surface: Surface, touched: Touched) -> None:
+def _see_part(at: int, part: int, limits: Limits, surface: Surface, touched: Touched) -> None:
     """Floor in a part of a cell, which may frame the cells beside it."""
-    cells, cell_m = surface.cells, surface.cell_m
-    part = part_bit(one.x_m, one.y_m, cell_m, limits.parts)
-    if cells[at].floor_parts & part:
+    cells = surface.cells
+    if floor_parts(cells[at]) & part:
         return
-    cells[at].floor_parts |= part
-    i, j = math.floor(one.x_m / cell_m), math.floor(one.y_m / cell_m)
+    cells[at].parts |= part
+    i, j = world_cell(at, surface)
     for di, dj in ((-1, 0), (1, 0), (0, -1), (0, 1)):
         near = index_of(i + di, j + dj, surface)
-        if near >= 0 and 0 < ones(cells[near].floor_parts) <= row_of(limits.parts):
-            touch(near, surface, touched)
+        if near >= 0 and 0 < ones(floor_parts(cells[near])) <= row_of(limits.parts):
+            touch(near, touched)
 
 
 @kernel
 def _end_on_floor(
-    at: int, slot: int, one: Record, z: float, is_step: bool, stand: Stand, limits: Limits,
-    surface: Surface, touched: Touched,
+    at: int, slot: int, part: int, one: Record, z: float, is_step: bool, stand: Stand,
+    limits: Limits, surface: Surface, touched: Touched,
 ) -> None:  # fmt: skip
     """A return from floor."""
     cell = surface.cells[at]
@@ -175,12 +180,12 @@ def _end_on_floor(
     if not touched.bits[slot] & SAW_FLOOR:
         _see_floor(at, slot, one, z, stand, limits, surface, touched)
     touched.seen_s[at] = stand.t_s
-    cell.least_m = min(cell.least_m, z - ground_of(cell, surface.own))
-    _see_part(at, one, limits, surface, touched)
-    if cell.under_m < math.inf and cell.under_parts & ~cell.floor_parts == 0:
-        cell.under_parts, cell.under_m, cell.far_m = 0, math.inf, math.inf
+    cell.floor_m = min(cell.floor_m, z - ground_of(cell, surface.own))
+    _see_part(at, part, limits, surface, touched)
+    if cell.under_m < math.inf and under_parts(cell) & ~floor_parts(cell) == 0:
+        cell.parts, cell.under_m = floor_parts(cell), math.inf
     rests = cell.low_m < limits.h_pos_m
-    vote(cell, slot, SEEN_FLOOR if cell.stands > 0.0 and rests else 0.0, touched)
+    vote(cell, slot, PASS_THROUGH if cell.stands > 0.0 and rests else 0.0, touched)
 
 
 @kernel
@@ -209,9 +214,9 @@ def _stand(at: int, h: float, one: Record, surface: Surface, touched: Touched) -
     """
     cell = surface.cells[at]
     is_point = cell.top_m - cell.low_m < FLAT_M
-    if cell.top_m == -math.inf or (is_point and h < cell.low_m - BAND_M):
+    if cell.top_m == -math.inf or (is_point and h < cell.low_m - THING_M):
         cell.low_m = cell.top_m = h
-    elif one.is_lone == 0 or cell.low_m - BAND_M <= h <= cell.top_m + BAND_M:
+    elif one.is_lone == 0 or cell.low_m - THING_M <= h <= cell.top_m + THING_M:
         cell.low_m, cell.top_m = min(cell.low_m, h), max(cell.top_m, h)
     touched.tall[at] = cell.stands > CLEAR
 
@@ -224,7 +229,7 @@ def _rise(at: int, one: Record, surface: Surface, touched: Touched) -> None:
     steepest = STEEPEST * surface.cell_m + GATE * math.sqrt(2.0 * one.noise_m2)
     if cell.top_m - cell.low_m > steepest:
         one.kind = ABOVE
-        vote(cell, touch(at, surface, touched), HIT, touched)
+        vote(cell, touch(at, touched), HIT, touched)
 
 
 @kernel
@@ -234,10 +239,10 @@ def _end(
 ) -> None:  # fmt: skip
     """A return into the cell where it lies: as floor, above it or below."""
     cell, own, h, cell_m = surface.cells[at], surface.own, one.height_m, surface.cell_m
-    slope = one.slope_x * from_centre(one.x_m, cell_m) + one.slope_y * from_centre(one.y_m, cell_m)
+    slope = one.slope_x * one.from_x + one.slope_y * one.from_y
     z, sigma = one.z_m - slope, math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
     higher = limits.h_pos_m + (0.0 if one.is_face else GATE * sigma)
-    is_guess = one.var_m2 > GUESS_M * GUESS_M and h < higher
+    is_guess = one.var_m2 > limits.guess_m2 and h < higher
     if is_guess and h < 0.0:
         return  # it tells nothing, over ground that is a guess
     if cell.var_m2 == math.inf:
@@ -247,13 +252,13 @@ def _end(
     if is_guess:
         _rise(at, one, surface, touched)
         return
-    slot, part = touch(at, surface, touched), part_bit(one.x_m, one.y_m, cell_m, limits.parts)
+    slot, part = touch(at, touched), part_bit(one.x_m, one.y_m, cell_m, limits.parts)
     doubt = GATE * math.sqrt(one.near_var_m2 + one.wander_m2 + one.noise_m2)
     drift = 0.0
-    if cell.looks > 0:
+    if cell.looks > 0 and cell.floor_s < stand.t_s:
         drift = parted_m2(one.ahead_m, one.aside_m, stand.t_s - cell.floor_s)
     rise = min(limits.h_pos_m, GATE * math.sqrt(one.noise_m2 + drift))
-    if cell.under_parts & part:
+    if under_parts(cell) & part:
         doubt /= GATE  # seen lower before: only what is as high as it should be is floor
     is_lower = cell.looks == 0 and one.near_m < -doubt
     goes_on = is_lower and one.is_face == 0
@@ -264,9 +269,9 @@ def _end(
         one.kind = BELOW
         cell.low_m = min(cell.low_m, h)
         lower(cell, slot, part, z - ground_of(cell, own), touched)
-    elif h < most and one.is_face == 0 and z - ground_of(cell, own) <= cell.least_m + rise:
+    elif h < most and one.is_face == 0 and z - ground_of(cell, own) <= cell.floor_m + rise:
         is_step = is_step and cell.looks == 0
-        _end_on_floor(at, slot, one, z, is_step, stand, limits, surface, touched)
+        _end_on_floor(at, slot, part, one, z, is_step, stand, limits, surface, touched)
     else:
         one.kind = ABOVE
         vote(cell, slot, max(0.0, min(HIT, (h - limits.h_pos_m) / sigma)), touched)
@@ -286,14 +291,14 @@ def expect(
 @kernel
 def _tell_soft(one: Record, say: float, limits: Limits, surface: Surface, touched: Touched) -> None:
     """Whether what stands in a cell lets beams in, which counts for those around it as well."""
-    cell, cell_m = surface.cells[one.at], surface.cell_m
+    cell = surface.cells[one.at]
     cell.soft = min(2.0 * MOST, cell.soft + say)  # soon hard, if something lies down in it
     if limits.soft_m > 0.0:
-        i, j = math.floor(one.x_m / cell_m), math.floor(one.y_m / cell_m)
+        i, j = world_cell(one.at, surface)
         for n in range(9):
             near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface)
             if near >= 0:
-                touch(near, surface, touched)
+                touch(near, touched)
 
 
 @kernel

@@ -15,20 +15,21 @@ from core.config import Config
 from core.grid.places import parts_of
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
+from core.mapping.along import REACH_M
 from core.mapping.body import body_pose_at
 from core.mapping.causes import BEYOND_STEP, NO_FLOOR
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, ages_at, at_cells, state_view, states_at, view_of
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
-from core.mapping.surface.cells import BLANK, CELL, LOOSE, TIED, Cells, Surface
-from core.mapping.surface.decision import LIKELY, Decision
-from core.mapping.surface.error import SweepFilter, roll_on, set_right
-from core.mapping.surface.evidence import CLEAR, end_beams
+from core.mapping.surface.cells import BLANK, CELL, LOOSE, TIED, Cells, Ground, Surface
+from core.mapping.surface.constants import CLEAR, FLAT_M, GUESS, LIKELY, WITNESSES
+from core.mapping.surface.decision import Decision, Shown, decide_cells
+from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
+from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import (
     RETURN,
-    SIGMA_LENS_M,
     Beams,
     Stand,
     Sway,
@@ -39,20 +40,49 @@ from core.mapping.surface.sweep import (
     noise_m2,
 )
 from core.mapping.surface.ties import spread_ties
-from core.mapping.surface.touched import Limits, none_touched
+from core.mapping.surface.touched import Limits, Touched, none_touched
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I32, I64, PointSweep, Scan
-from jit import records, with_fields
+from jit import kernel, records, with_fields
 
-LEAST_TILT_DEG = 2.0  # a flatter scanner sees no floor
 EVIDENCE = {  # fields of a cell, by what they tell
     "scans that saw its floor": "looks",
     "log-odds that something stands in it": "stands",
     "log-odds that this lets beams in": "soft",
 }
-ANCHOR = 30  # cells seen twice on the ground of the wheels: from then on it is not looked for
+
+
+@kernel
+def take_sweep(
+    first: Beams, behind: Beams, stand: Stand, passed_s: float, guess: int, limits: Limits,
+    surface: Surface, P: F64, room: Room, touched: Touched, shown: Shown, used: int,
+) -> tuple[int, int]:  # fmt: skip
+    """A sweep's first echoes, and what ends behind those; the first ones alone set it right.
+
+    Args:
+        behind: the second echoes; of no returns where there are none.
+        guess: what ground is tied to on which most returns agree.
+
+    Returns:
+        How many returns there are, and how many cells of the window have changed (before: `used`).
+    """
+    touched.used[0] = 0
+    count = hold(first, stand, limits.h_pos_m, surface)
+    find_faces(first.returns)
+    agree(first.returns, guess, limits, room.bins)
+    find_witnesses(first, stand, surface)
+    set_right(first.returns, stand.t_s, passed_s, stand.travel_m, surface, P, room)
+    end_beams(first, stand, limits, surface, touched)
+    if behind.returns.size > 0:
+        count += hold(behind, stand, limits.h_pos_m, surface)
+        find_faces(behind.returns)
+        set_right(behind.returns, stand.t_s, passed_s, stand.travel_m, surface, P, room)
+        end_beams(behind, stand, limits, surface, touched)
+    follow_beams(first, stand, limits, surface, P, touched)
+    spread_ties(limits, surface, touched)
+    return count, decide_cells(touched.at[: touched.used[0]], surface, limits, shown, used)
 
 
 class SurfaceMaps:
@@ -61,8 +91,9 @@ class SurfaceMaps:
     def __init__(self, config: Config) -> None:
         scanner, obstacle, robot = config.scanner, config.obstacle, config.robot
         spec = scanner.options.spec
-        tilt_rad = math.radians(max(scanner.mount_tilt_deg, LEAST_TILT_DEG))
-        fall = math.sin(tilt_rad)
+        tilt_rad = math.radians(max(0.0, scanner.mount_tilt_deg))
+        far_m = scanner.mount_z_m / max(math.tan(tilt_rad), scanner.mount_z_m / REACH_M)
+        rises, away_m = 0.5 * scanner.mount_z_m / far_m, math.hypot(scanner.mount_z_m, far_m)
         self._geometry = BeamGeometry.of(scanner)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
         self.cells: Cells = self.grid.layer(CELL, BLANK)
@@ -72,15 +103,17 @@ class SurfaceMaps:
         self.fresh = Freshness(self.grid, obstacle.free_max_age_s, footprint)
         parts = parts_of(config.map.cell_m)
         self._limits = Limits(
-            obstacle.h_pos_m, obstacle.h_neg_m, robot.height_m, parts, obstacle.soft_free_below_m
-        )
-        noise = noise_m2(scanner.mount_z_m / fall, fall, SIGMA_LENS_M**2)
+            obstacle.h_pos_m, obstacle.h_neg_m, robot.height_m, (GUESS * obstacle.h_pos_m) ** 2,
+            math.sqrt(2.0) * far_m, parts, obstacle.soft_free_below_m,
+        )  # fmt: skip
+        noise = noise_m2(away_m, scanner.mount_z_m / away_m, FLAT_M**2)
         self._decision = Decision(self.window, self.fresh, self._limits, noise)
-        self._error = SweepFilter(scanner.mount_z_m / math.tan(tilt_rad))
-        self._sway = Sway()
+        self._error = SweepFilter(far_m)
+        self._ground = Ground(self._flat, self.grid.size, self.grid.cell_m, rises, self._error.own)
+        self._sway = Sway(scanner.mount_x_m)
         tall = self.grid.layer(np.uint8, 0).reshape(-1)
         self._touched = none_touched(tall, self.fresh.seen_s)
-        self._returns = [records(RETURN, spec.max_beams) for _ in range(spec.echoes)]
+        self._returns = [records(RETURN, spec.max_beams) for _ in range(2)]
         for echo in self._returns:
             echo["witness"] = -1
         self._faces = FaceMatcher(self.grid, spec.max_beams)
@@ -101,9 +134,7 @@ class SurfaceMaps:
 
     @property
     def _surface(self) -> Surface:
-        grid = self.grid
-        window = (grid.corner_i, grid.corner_j, grid.size, grid.cell_m)
-        return Surface(self._flat, *window, self._error.own)
+        return self._ground.surface(self.grid.corner_i, self.grid.corner_j)
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a sweep that attitude and odometry cover; how many returns it had."""
@@ -116,48 +147,33 @@ class SurfaceMaps:
         self.fresh.follow(sweep.t_s, body.x_m, body.y_m, body.heading)
         self._decision.follow(body.x_m, body.y_m, self.grid, surface)
         place = (body.x_m, body.y_m, body.z_m, body.travel_m)
-        roll_on(*place, passed_s if driven_m else 0.0, self._error.far_m, surface, P)
+        roll_on(
+            *place, passed_s if driven_m else 0.0, self._error.far_m, surface, P, self._error.room
+        )
         z_m = body.z_m - own[0] - own[3] * body.travel_m
         stand = Stand(
             body.x_m, body.y_m, z_m, *self._sway.slopes, *body.heading, sweep.t_s, body.travel_m
         )
+        self._sway.stand = stand
         n, ranges_m = len(sweep.rays), sweep.ranges_m
-        echoes = [
-            Beams(sweep.origins, sweep.rays, ranges_m[k:], returns[:n], lens_m2)
-            for k, returns in enumerate(self._returns[: len(ranges_m)])
-        ]
-        count = self._take(echoes, stand, passed_s, surface)
-        heights_m = echoes[0].returns["height_m"]
-        self._faces.set_right(sweep, heights_m, body, odometry, is_sure=True)
+        first, behind = (
+            Beams(
+                sweep.origins, sweep.rays, ranges_m[k:], returns[: n * (k < len(ranges_m))], lens_m2
+            )
+            for k, returns in enumerate(self._returns)
+        )
+        self._touched = self._touched._replace(oldest_s=self.fresh.oldest_s)
+        count, self.window.used = take_sweep(
+            first, behind, stand, passed_s, LOOSE if self._anchored else TIED, self._limits,
+            surface, P, self._error.room, self._touched, self._decision.shown,
+            self.window.used,
+        )  # fmt: skip
+        if not self._anchored:
+            seen = surface.cells[self._touched.at[: self._touched.used[0]]]
+            self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > WITNESSES
+        self._faces.set_right(sweep, first.returns["height_m"], body, odometry, is_sure=True)
         self.fresh.expire(self.window)
         return count
-
-    def _take(self, echoes: list[Beams], stand: Stand, passed_s: float, surface: Surface) -> int:
-        """A sweep's first echoes, and what ends behind those; the first ones alone set it right."""
-        beams, limits, P = echoes[0], self._limits, self._error.P
-        returns, count = beams.returns, hold(beams, stand, surface)
-        find_faces(returns)
-        agree(returns, LOOSE if self._anchored else TIED)
-        find_witnesses(beams, stand, surface)
-        set_right(returns, stand.t_s, passed_s, stand.travel_m, surface, P)
-        self._touched.used[0] = 0
-        self._touched = touched = self._touched._replace(
-            oldest_s=self.fresh.oldest_s, serial=self._touched.serial + 1
-        )
-        end_beams(beams, stand, limits, surface, touched)
-        for behind in echoes[1:]:
-            count += hold(behind, stand, surface)
-            find_faces(behind.returns)
-            set_right(behind.returns, stand.t_s, passed_s, stand.travel_m, surface, P)
-            end_beams(behind, stand, limits, surface, touched)
-        follow_beams(beams, stand, limits, surface, P, touched)
-        spread_ties(limits, surface, touched)
-        at = touched.at[: touched.used[0]]
-        if not self._anchored:
-            seen = surface.cells[at]
-            self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > ANCHOR
-        self._decision.decide(at, surface)
-        return int(count)
 
     def causes(self, i: I64, j: I64) -> F64:
         """Why the window shows what it does at world cells i, j (n,)."""
@@ -169,6 +185,18 @@ class SurfaceMaps:
         ground = cells["ground_m"] - own[3] * cells["arm_m"] - own[4] * cells["aside_m"]
         heights_m: F64 = ground + self._over_ground_m()
         return heights_m
+
+    def heights_over_plane_m(self) -> F64:
+        """The same over the plane on which the robot stands: what is always wrong tilts both."""
+        stand, grid = self._sway.stand, self.grid
+        if stand is None:
+            return self.heights_m()
+        places = np.arange(grid.size)
+        x_m = grid.corner_i + (places - grid.corner_i) % grid.size + 0.5
+        y_m = grid.corner_j + (places - grid.corner_j) % grid.size + 0.5
+        dx_m, dy_m = x_m * grid.cell_m - stand.x_m, y_m * grid.cell_m - stand.y_m
+        along = stand.slope_x * dx_m[None, :] + stand.slope_y * dy_m[:, None]
+        return np.asarray(self.heights_m() - stand.z_m - along)
 
     def _over_ground_m(self) -> F64:
         """How high what stands is, 0 where floor was seen, NaN elsewhere: (size, size)."""

@@ -10,12 +10,9 @@ Source: docs/method.md, section 4.
 
 import math
 
-from core.mapping.surface.error import GATE
-from core.mapping.surface.sweep import BESIDE_M, SIGMA_RANGE_M
+from core.mapping.surface.constants import GATE, HARD, LET_IN, SIGMA_RANGE_M, STOPPED, THING_M
 from core.records import F64
 from jit import kernel
-
-LET_IN, STOPPED, HARD = 0.75, -0.25, -1.0  # votes, in log-odds, of each return
 
 
 @kernel
@@ -36,11 +33,11 @@ def softness(ranges_m: F64, b: int) -> float:
     """
     r, alike = ranges_m[0, b], GATE * math.sqrt(1.5) * SIGMA_RANGE_M
     before, after = max(0, b - 1), min(ranges_m.shape[1] - 1, b + 1)
-    if not _last_m(ranges_m, b) - r > BESIDE_M:
+    if not _last_m(ranges_m, b) - r > THING_M:
         is_met = before < b and abs(_last_m(ranges_m, before) - r) < alike
         is_met = is_met or (after > b and abs(_last_m(ranges_m, after) - r) < alike)
         return HARD if is_met else STOPPED
     one, other = ranges_m[0, before], ranges_m[0, after]
-    are_beside = max(abs(one - r), abs(other - r)) < 2.0 * BESIDE_M
+    are_beside = max(abs(one - r), abs(other - r)) < 2.0 * THING_M
     scatters = abs(r - 0.5 * (one + other)) > alike
     return LET_IN if before < b < after and are_beside and scatters else STOPPED

@@ -18,8 +18,6 @@ from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface.cells import (
     LOOSE,
     NOWHERE,
-    STEEP,
-    STEEPEST,
     TIED,
     Plane,
     Surface,
@@ -28,57 +26,67 @@ from core.mapping.surface.cells import (
     ground_of,
     grown,
     index_of,
-    predict,
+    plane_at,
+    real,
+    whole,
 )
-from core.mapping.surface.error import GATE
+from core.mapping.surface.constants import (
+    ALIKE_S,
+    BESIDE,
+    BINS,
+    CARRY_M,
+    FLAT_M,
+    GAP_M,
+    GATE,
+    HIT,
+    KNOWN,
+    RARE,
+    REACH,
+    SHARE,
+    SIGMA_ANGLE_RAD,
+    SIGMA_RANGE_M,
+    STEEP,
+    STEEPEST,
+    THING_M,
+    WIDE,
+    WITNESSES,
+)
+from core.mapping.surface.touched import Limits
 from core.records import F64
-from jit import Record, Records, allocating_kernel, kernel
+from jit import Record, Records, kernel
 
 RETURN = np.dtype(
     [
-        ("at", np.int64),  # flat index of its cell; -1: no return, or outside
-        ("kind", np.int64),
         ("x_m", np.float64),  # place, map frame
         ("y_m", np.float64),
-        ("z_m", np.float64),
-        ("ahead_m", np.float64),  # the same in the robot's frame
-        ("aside_m", np.float64),
-        ("height_m", np.float64),  # over the ground there
-        ("var_m2", np.float64),  # of that ground
-        ("slope_x", np.float64),
-        ("slope_y", np.float64),
-        ("age_s", np.float64),  # of what tells that ground
-        ("wander_m2", np.float64),  # variance of what the attitude wandered since
-        ("tied", np.int64),  # what that ground is
-        ("near_m", np.float64),  # over the ground before it on its own beam,
-        ("near_var_m2", np.float64),  # and the variance of that
-        ("noise_m2", np.float64),  # of its own height
-        ("is_face", np.int64),  # the sweep climbs it sideways steeper than ground can be
-        ("is_lone", np.int64),  # no return beside it
-        ("is_before", np.int64),  # whether ground nearer to the robot was measured
-        ("witness", np.int64),  # cell that tells how far the sweep is off; -1: none,
-        ("off_m", np.float64),  # by how much its beam lies over that,
-        ("witness_ahead_m", np.float64),  # and where, in the robot's frame
-        ("witness_aside_m", np.float64),
+        ("from_x", np.float32),  # the same from the middle of its cell
+        ("from_y", np.float32),
+        ("z_m", np.float32),
+        ("ahead_m", np.float32),  # the same in the robot's frame
+        ("aside_m", np.float32),
+        ("height_m", np.float32),  # over the ground there
+        ("var_m2", np.float32),  # of that ground
+        ("slope_x", np.float32),
+        ("slope_y", np.float32),
+        ("age_s", np.float32),  # of what tells that ground
+        ("wander_m2", np.float32),  # variance of what the attitude wandered since
+        ("near_m", np.float32),  # over the ground before it on its own beam,
+        ("near_var_m2", np.float32),  # and the variance of that
+        ("noise_m2", np.float32),  # of its own height
+        ("off_m", np.float32),  # by how much its beam lies over what `witness` tells,
+        ("witness_ahead_m", np.float32),  # and where, in the robot's frame
+        ("witness_aside_m", np.float32),
+        ("at", np.int32),  # flat index of its cell; -1: no return, or outside
+        ("witness", np.int32),  # cell that tells how far the sweep is off; -1: none
+        ("kind", np.int8),
+        ("tied", np.int8),  # what that ground is
+        ("is_face", np.int8),  # the sweep climbs it sideways steeper than ground can be
+        ("is_lone", np.int8),  # no return beside it
+        ("is_before", np.int8),  # whether ground nearer to the robot was measured
     ],
     align=True,
 )
 NONE, FLOOR, ABOVE, BELOW, HIGH = 0, 1, 2, 3, 4  # what a return is
-
-SIGMA_RANGE_M = 0.012  # of a range (sheet)
-SIGMA_ANGLE_RAD = math.radians(0.03)  # of the attitude, from scan to scan: below its resolution
-KNOWN = -2.5  # log-odds: floor beyond which floor was seen
-BACK = 4  # cells
-BESIDE, BESIDE_M = 2, 0.3  # beams; and how near returns of one thing lie
-BACK_M, CARRY_M = 0.3, 1.0  # steps along a beam to known ground; how far its slope carries
-SIGMA_LENS_M = 0.003  # of the lens' height over the wheels: tyres,
-ARM_M = 0.3  # and unevenness under them: a wheel that lifts the lens tips the body by this lever
-SWAY_S = 1.0  # a robot that leant otherwise so long ago, sways
-AHEAD_M = 4.0  # so far beyond a point it is looked for
-GUESS_M = 0.04  # 1 sigma: ground less sure is a guess: a step of h_pos is 2.5 of them
-BIN_M, BINS, WIDE = 0.01, 80, 5  # in which returns over unknown ground agree
-LEAST, SHARE = 15, 0.3  # so many of them, and so large a share, are floor
-LOST = 9  # so many times more returns over a guess than over known ground
 
 
 class Stand(NamedTuple):
@@ -106,21 +114,25 @@ class Beams(NamedTuple):
 
 
 class Sway:
-    """The plane on which the robot stands, `slopes` along map x and y; how it sways about that."""
+    """The plane on which the robot stands, `slopes` along map x and y; how it sways about that.
 
-    def __init__(self) -> None:
-        self.slopes, self._off = (math.nan, math.nan), 0.0
+    arm_m: lever by which a wheel that lifts the lens tips the body: from the axle to the lens.
+    """
+
+    def __init__(self, arm_m: float) -> None:
+        self.slopes, self._off, self._arm_m = (math.nan, math.nan), 0.0, arm_m
+        self.stand: Stand | None = None  # at the newest sweep
 
     def follow(self, passed_s: float, slopes: tuple[float, float]) -> float:
         """The body's own slopes now; variance of the height of the lens by what it sways over."""
-        share = 1.0 - math.exp(-passed_s / SWAY_S)
+        share = 1.0 - math.exp(-passed_s / ALIKE_S)
         (ax, ay), (bx, by) = self.slopes, slopes
         if math.isnan(ax):
             ax, ay = bx, by
         self.slopes = (ax + share * (bx - ax), ay + share * (by - ay))
         off = math.hypot(bx - self.slopes[0], by - self.slopes[1])
         self._off = max(off, (1.0 - share) * self._off)
-        return SIGMA_LENS_M**2 + (ARM_M * self._off) ** 2
+        return FLAT_M**2 + (self._arm_m * self._off) ** 2
 
 
 @kernel
@@ -146,9 +158,26 @@ def set_upright(z: float, ahead: float, aside: float, stand: Stand, own: F64) ->
 
 
 @kernel
+def upright_line(lens: F64, ray: F64, stand: Stand, own: F64) -> tuple[float, float]:
+    """The same along a beam: the height of its lens, and by how much it rises a metre."""
+    ahead, aside = in_body(lens[0], lens[1], stand)
+    goes_ahead = ray[0] * stand.heading_x + ray[1] * stand.heading_y
+    goes_aside = ray[1] * stand.heading_x - ray[0] * stand.heading_y
+    rise = ray[2] - (own[1] + own[3]) * goes_ahead - (own[2] + own[4]) * goes_aside
+    return set_upright(lens[2], ahead, aside, stand, own), rise
+
+
+@kernel
+def _plane_of(cell: Record, z: float, var: float, is_before: bool) -> Plane:
+    """Ground that has the slopes, the age and the ties of a cell."""
+    a, b, tied = real(cell.slope_x), real(cell.slope_y), whole(cell.tied)
+    return Plane(z, a, b, var, cell.floor_s, tied, is_before)
+
+
+@kernel
 def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surface) -> Plane:
     """Ground extended to a point of a beam from the nearest seen before (-1) or behind it (1)."""
-    away, cell_m = BACK_M, surface.cell_m
+    away, cell_m = THING_M, surface.cell_m
     while away < far_m:
         bx, by = x + side * away * ray[0], y + side * away * ray[1]
         at = cell_at(bx, by, surface)
@@ -160,9 +189,8 @@ def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surf
             dy = y - by + from_centre(by, cell_m)
             var = grown(cell.var_m2, math.sqrt(dx * dx + dy * dy))
             z = ground_of(cell, surface.own) + a * dx + b * dy
-            tied = cell.tied
-            return Plane(z, cell.slope_x, cell.slope_y, var, cell.floor_s, tied, side < 0.0)
-        away += BACK_M
+            return _plane_of(cell, z, var, side < 0.0)
+        away += THING_M
     return NOWHERE
 
 
@@ -183,9 +211,8 @@ def _ground_at(at: int, i: int, j: int, stand: Stand, surface: Surface) -> Plane
     """Ground at the centre of a cell, measured or by its neighbours."""
     cell = surface.cells[at]
     if cell.looks == 0:
-        return predict(i, j, stand.x_m, stand.y_m, surface)
-    z, a, b = ground_of(cell, surface.own), cell.slope_x, cell.slope_y
-    return Plane(z, a, b, cell.var_m2, cell.floor_s, cell.tied, True)
+        return plane_at(i, j, stand.x_m, stand.y_m, surface)
+    return _plane_of(cell, ground_of(cell, surface.own), real(cell.var_m2), True)
 
 
 @kernel
@@ -200,9 +227,10 @@ def _between(near: Plane, far: Plane) -> Plane:
 
 
 @kernel
-def hold(beams: Beams, stand: Stand, surface: Surface) -> int:
+def hold(beams: Beams, stand: Stand, h_pos_m: float, surface: Surface) -> int:
     """Each first return against the ground where it lies, into its RETURN; how many there are."""
     last, count, cell_m, plane, near = -2, 0, surface.cell_m, NOWHERE, NOWHERE
+    surface.scan[0] += 1
     for b in range(beams.returns.size):
         one, r = beams.returns[b], beams.ranges_m[0, b]
         one.at, one.kind = -1, NONE
@@ -220,15 +248,15 @@ def hold(beams: Beams, stand: Stand, surface: Surface) -> int:
         one.z_m = z
         if at < 0:
             continue
-        cx, cy = from_centre(x, cell_m), from_centre(y, cell_m)
+        cx, cy = x - (i + 0.5) * cell_m, y - (j + 0.5) * cell_m
+        one.from_x, one.from_y = cx, cy
         if at != last:  # what is due in a cell, at its centre
             last, plane = at, _ground_at(at, i, j, stand, surface)
-            near = plane
-            if surface.cells[at].looks == 0:
+            near, is_known = plane, plane.var_m2 < math.inf
+            if surface.cells[at].looks == 0 and not (is_known and z > plane.z_m + h_pos_m):
                 near = reach(x - cx, y - cy, r, ray, stand, surface)
-                if plane.var_m2 == math.inf:
-                    far = _find(x - cx, y - cy, ray, 1.0, AHEAD_M, surface)
-                    plane = _between(near, far)
+            if not is_known:
+                plane = _between(near, _find(x - cx, y - cy, ray, 1.0, GAP_M, surface))
         one.slope_x, one.slope_y, one.var_m2 = plane.slope_x, plane.slope_y, plane.var_m2
         one.is_before, one.tied = plane.is_before, plane.tied
         one.height_m = z - plane.z_m - plane.slope_x * cx - plane.slope_y * cy
@@ -241,7 +269,8 @@ def hold(beams: Beams, stand: Stand, surface: Surface) -> int:
 @kernel
 def _is_near(one: Record, other: Record) -> bool:
     """Whether two returns may be of one thing."""
-    return bool(other.at >= 0 and math.hypot(other.x_m - one.x_m, other.y_m - one.y_m) < BESIDE_M)
+    dx, dy = other.x_m - one.x_m, other.y_m - one.y_m
+    return bool(other.at >= 0 and dx * dx + dy * dy < THING_M * THING_M)
 
 
 @kernel
@@ -281,7 +310,7 @@ def find_witnesses(beams: Beams, stand: Stand, surface: Surface) -> None:
         if one.at < 0:
             continue
         r, step = beams.ranges_m[0, b], cell_m / math.hypot(ray[0], ray[1])
-        for k in range(BACK):
+        for k in range(1 + REACH):
             x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
             at = cell_at(x, y, surface)
             if at >= 0 and cells[at].looks > 0 and cells[at].stands <= KNOWN:
@@ -301,8 +330,8 @@ def find_witnesses(beams: Beams, stand: Stand, surface: Surface) -> None:
 
 
 @kernel
-def _agreed_m(unsure: int, bins: F64) -> float:
-    """The height over a guess at which enough of the unsure returns agree; inf: none."""
+def _agreed(unsure: int, bins: F64) -> float:
+    """The bin about which enough of the unsure returns agree; inf: none."""
     best, most = 0, 0.0
     for k in range(BINS - WIDE):
         total = 0.0
@@ -310,36 +339,36 @@ def _agreed_m(unsure: int, bins: F64) -> float:
             total += bins[k + m]
         if total > most:
             best, most = k, total
-    if most < LEAST or most < SHARE * unsure:
-        return math.inf
-    return (best + 0.5 * WIDE - BINS // 2) * BIN_M
+    return best + 0.5 * WIDE if most >= WITNESSES and most >= SHARE * unsure else math.inf
 
 
-@allocating_kernel
-def agree(returns: Records, tied: int) -> None:
+@kernel
+def agree(returns: Records, tied: int, limits: Limits, bins: F64) -> None:
     """Where ground is a guess for most returns, those are floor of which most lie at one height."""
-    bins, unsure, sure, guessed = np.zeros(BINS), 0, 0, 0
+    unsure, sure, guessed, edge = 0, 0, 0, 0.5 * limits.h_pos_m / WIDE
+    bins[:] = 0.0
     for b in range(returns.size):
         one = returns[b]
         if one.at < 0:
             continue
-        if one.var_m2 <= GUESS_M * GUESS_M:
+        if one.var_m2 <= limits.guess_m2:
             sure += 1
             continue
         guessed += 1
-        k = math.floor(one.height_m / BIN_M) + BINS // 2
-        if 0 <= k < BINS and one.height_m**2 < 4.0 * one.var_m2:
+        k = math.floor(one.height_m / edge) + BINS // 2
+        if 0 <= k < BINS and one.height_m**2 < HIT * HIT * one.var_m2:
             unsure += 1
             bins[k] += 1.0
-    if guessed <= LOST * sure:
+    if sure >= RARE * (sure + guessed):
         return
-    offset = _agreed_m(unsure, bins)
-    if offset == math.inf:
+    agreed = _agreed(unsure, bins)
+    if agreed == math.inf:
         return
+    offset = (agreed - BINS // 2) * edge
     for b in range(returns.size):
         one = returns[b]
-        if one.at >= 0 and one.var_m2 > GUESS_M * GUESS_M:
+        if one.at >= 0 and one.var_m2 > limits.guess_m2:
             one.height_m -= offset
             one.near_m -= offset
-            one.var_m2 = one.near_var_m2 = (0.25 * WIDE * BIN_M) ** 2
+            one.var_m2 = one.near_var_m2 = (0.25 * WIDE * edge) ** 2
             one.tied = tied

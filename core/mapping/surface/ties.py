@@ -7,10 +7,9 @@ Source: docs/method.md, section 4.
 """
 
 from core.mapping.surface.cells import APART, TIED, Surface, ground_of, index_of, world_cell
+from core.mapping.surface.constants import FRONT, REACH
 from core.mapping.surface.touched import NEWLY_TIED, Limits, Touched, touch
 from jit import kernel
-
-FRONT = 3  # cells: as wide as a robot
 
 
 @kernel
@@ -22,8 +21,8 @@ def tie_of(at: int, i: int, j: int, limits: Limits, surface: Surface) -> int:
     """
     cells, own = surface.cells, surface.own
     joined = apart = against = 0
-    for dj in range(-2, 3):
-        for di in range(-2, 3):
+    for dj in range(-REACH, REACH + 1):
+        for di in range(-REACH, REACH + 1):
             near = index_of(i + di, j + dj, surface)
             if near < 0 or near == at or cells[near].looks == 0:
                 continue
@@ -45,7 +44,7 @@ def tie(at: int, i: int, j: int, limits: Limits, surface: Surface, touched: Touc
     before = cell.tied
     cell.tied = tie_of(at, i, j, limits, surface)
     if cell.tied == TIED and before != TIED:
-        touched.bits[touch(at, surface, touched)] |= NEWLY_TIED
+        touched.bits[touch(at, touched)] |= NEWLY_TIED
 
 
 @kernel

@@ -60,8 +60,9 @@ def test_obstacles_are_kept_and_what_was_free_is_unknown_until_its_floor_is_met(
 def test_what_can_not_be_is_refused(arrays: Arrays, name: str) -> None:
     field = arrays[f"cells.{name}"]
     wrong = field.copy()
-    wrong[0] = np.nan if field.dtype.kind == "f" else -1
-    for bad, words in ((wrong, "can't be"), (field[:-1], "has")):
+    wrong[0] = np.nan if field.dtype.kind == "f" else 0xFF
+    bads = [(wrong, "can't be"), (field[:-1], "has")]
+    for bad, words in bads[1 if name in ("parts", "looks") else 0 :]:  # these can be any number
         with pytest.raises(StateError, match=rf"cells\.{name}.*{words}"):
             loaded({**arrays, f"cells.{name}": bad})
 

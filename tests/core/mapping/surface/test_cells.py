@@ -9,15 +9,14 @@ from hypothesis import strategies as st
 from core.grid.ring import RingGrid
 from core.mapping.surface.cells import (
     APART,
-    RISES,
-    STEEPEST,
     cell_at,
     ground_of,
     index_of,
     predict,
     world_cell,
 )
-from tests.support.ground_cells import GroundCells
+from core.mapping.surface.constants import REACH, STEEPEST
+from tests.support.ground_cells import RISES, GroundCells
 
 CELL_M, FAR_AWAY_M = 0.2, -50.0
 SLOPES = st.floats(-0.1, 0.1)
@@ -60,12 +59,12 @@ def test_ground_is_never_told_steeper_than_a_wheel_climbs(slope: float) -> None:
 def test_what_rises_towards_the_robot_does_not_lift_the_ground_before_it() -> None:
     """Ground behind a place that gets higher the nearer it is: the top of a wall, not a ramp."""
     ground = GroundCells()
-    for k in range(1, 4):
+    for k in range(1, REACH + 1):
         for j in (-1, 0, 1):
             ground.lay(k, j, 0.5 - 0.2 * CELL_M * k)
-    nearest = 0.5 - 0.2 * CELL_M * 3
+    nearest = 0.5 - 0.2 * CELL_M * REACH
     free, held = (predict(0, 0, x_m, 0.1, ground.surface) for x_m in (50.0, FAR_AWAY_M))
-    assert held.z_m <= nearest + RISES * 3 * CELL_M + 1e-9
+    assert held.z_m <= nearest + RISES * REACH * CELL_M + 1e-6
     assert free.z_m > held.z_m + 0.04  # seen from the other side it is a ramp
     assert free.is_before
     assert not held.is_before
@@ -98,7 +97,7 @@ def test_what_the_attitude_is_always_off_by_moves_ground_by_its_arms(
     at = ground.lay(2, -3, 0.7, arm_m=arm_m, aside_m=aside_m)
     ground.own[:] = 0.3, 0.1, 0.2, static_p, static_r  # the fast part has been taken out before
     expected = 0.7 - static_p * arm_m - static_r * aside_m
-    assert ground_of(ground.cells[at], ground.own) == pytest.approx(expected, abs=1e-12)
+    assert ground_of(ground.cells[at], ground.own) == pytest.approx(expected, abs=1e-6)
 
 
 @given(x=st.floats(-9, 9), y=st.floats(-9, 9), to=st.tuples(*[st.floats(-7, 7)] * 2))

@@ -25,12 +25,11 @@ from core.mapping.causes import (
     state_of,
 )
 from core.mapping.surface.cells import APART, BLANK, CELL, LOOSE, TIED
-from core.mapping.surface.decision import LIKELY, is_framed, rule_of
-from core.mapping.surface.error import GATE
-from core.mapping.surface.evidence import CLEAR
+from core.mapping.surface.constants import CLEAR, GATE, LIKELY
+from core.mapping.surface.decision import is_framed, rule_of
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import Record, records
-from tests.support.ground_cells import LIMITS, GroundCells
+from tests.support.ground_cells import LIMITS, GroundCells, packed
 
 NOISE_M2, OLDEST_S = 1e-4, 100.0  # 1 cm; 3 sigma with a cell's own: 3.1 cm
 ALL = 0xFFFF  # parts of a cell
@@ -41,7 +40,7 @@ GOOD |= {"floor_parts": ALL}
 def cell_of(**fields: float) -> Record:
     made = records(CELL)
     made[:] = BLANK
-    for name, value in fields.items():
+    for name, value in packed(fields).items():
         made[name][0] = value
     return made[0]
 
@@ -57,10 +56,10 @@ CASES: list[tuple[str, int, dict[str, Any]]] = [
     ("nothing known, whatever else is said", UNSEEN, {"var_m2": math.inf, "under_m": -1.0}),
     ("too deep", NO_FLOOR, {"under_m": -0.10}),
     ("too deep, not met", NO_FLOOR, {"under_m": -0.10} | AHEAD),
-    ("an edge, ground a step lower", NO_FLOOR, {"under_m": -0.01, "far_m": -0.1} | AHEAD),
-    ("a hole: the ground beyond is as high", NO_FLOOR, {"under_m": -0.06, "far_m": 0.0} | AHEAD),
+    ("an edge, ground a step lower", NO_FLOOR, {"under_m": -0.01, "floor_m": -0.1} | AHEAD),
+    ("a hole: the ground beyond is as high", NO_FLOOR, {"under_m": -0.06, "floor_m": 0.0} | AHEAD),
     ("floor was met, a beam went under it", NO_FLOOR, {"under_m": -0.06}),
-    ("ground that falls on", UNSHOWN, {"under_m": -0.06, "far_m": -0.05} | AHEAD),
+    ("ground that falls on", UNSHOWN, {"under_m": -0.06, "floor_m": -0.05} | AHEAD),
     ("under it, and nothing beyond yet", UNSHOWN, {"under_m": -0.06} | AHEAD),
     ("under it by no more than noise", FLOOR, {"under_m": -0.03}),
     ("never met", UNSHOWN, AHEAD),
@@ -163,7 +162,7 @@ RECORDS = st.fixed_dictionaries(
     {
         "var_m2": st.sampled_from([1e-6, 1e-5, 1e-3, 0.1, math.inf]),
         "under_m": st.one_of(st.just(math.inf), st.floats(-0.5, 0.0)),
-        "far_m": HEIGHTS,
+        "floor_m": HEIGHTS,
         "low_m": HEIGHTS,
         "top_m": HEIGHTS,
         "stands": st.one_of(st.sampled_from([-3.0, CLEAR, 0.0, LIKELY]), st.floats(-3.0, 4.5)),

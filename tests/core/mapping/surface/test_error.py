@@ -9,16 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.mapping.surface.cells import BLANK, TIED
-from core.mapping.surface.error import (
-    FAST_S,
-    SIGMA_STATIC_RAD,
-    STATES,
-    SweepFilter,
-    forget,
-    jump,
-    roll_on,
-    set_right,
-)
+from core.mapping.surface.constants import BINS, FAST_S, SIGMA_STATIC_RAD
+from core.mapping.surface.error import STATES, SweepFilter, forget, jump, roll_on, set_right
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, Stand, agree, find_witnesses, hold
@@ -73,7 +65,9 @@ class Witnesses:
             one["ahead_m"] = one["witness_ahead_m"] = ahead_m
             one["aside_m"] = one["witness_aside_m"] = aside
         self.ground.surface = self.ground.surface._replace(own=self.filter.own)
-        set_right(returns, t_s, passed_s, travel_m, self.ground.surface, self.filter.P)
+        set_right(
+            returns, t_s, passed_s, travel_m, self.ground.surface, self.filter.P, self.filter.room
+        )
 
     def sigmas(self) -> F64:
         """The error of each state in its own sigmas."""
@@ -158,19 +152,18 @@ def turned(heading_rad: float, random: np.random.Generator, beams: Beams) -> Sta
 def test_an_hour_of_turning_on_the_spot_moves_nothing_away() -> None:
     random, ground, off = np.random.default_rng(5), GroundCells(101), SweepFilter(FAR_M)
     surface = ground.surface._replace(own=off.own)
-    n, touched = 61, ground.touched
+    n, touched, bins = 61, ground.touched, np.zeros(BINS)
     beams = Beams(np.empty((n, 3)), np.empty((n, 3)), np.empty((1, n)), records(RETURN, n), 9e-6)
     passed_s, worst_rad = 0.8, 0.0
     for k in range(int(3600 / passed_s)):
         stand = turned(random.uniform(-math.pi, math.pi), random, beams)
         stand = stand._replace(t_s=k * passed_s)
         forget(passed_s, 0.0, off.own, off.P)
-        hold(beams, stand, surface)
-        agree(beams.returns, TIED)
+        hold(beams, stand, LIMITS.h_pos_m, surface)
+        agree(beams.returns, TIED, LIMITS, bins)
         find_witnesses(beams, stand, surface)
-        set_right(beams.returns, stand.t_s, passed_s, 0.0, surface, off.P)
+        set_right(beams.returns, stand.t_s, passed_s, 0.0, surface, off.P, off.room)
         touched.used[0] = 0
-        touched = touched._replace(serial=k)
         end_beams(beams, stand, LIMITS, surface, touched)
         follow_beams(beams, stand, LIMITS, surface, off.P, touched)
         worst_rad = max(worst_rad, float(np.abs(off.own[1:3] + off.own[3:]).max()))
@@ -214,7 +207,9 @@ def test_the_covariance_stays_one_whatever_happens(
             passed_s, travel_m, z_mm = given_
             any_of.ground.cells["arm_m"][at] = 0.5 * travel_m
             surface = any_of.ground.surface._replace(own=own)
-            roll_on(0.1, 0.1, 1e-3 * z_mm, travel_m, passed_s, FAR_M, surface, P)
+            roll_on(
+                0.1, 0.1, 1e-3 * z_mm, travel_m, passed_s, FAR_M, surface, P, any_of.filter.room
+            )
         assert np.isfinite(own).all()
         assert np.isfinite(P).all()
         size = np.abs(P).max()

@@ -11,7 +11,7 @@ def test_floor_seen_lower_by_another_attitude_makes_no_face_of_it_later() -> Non
     assert met(ground, 20.0, 0.41, 0.0)["kind"][0] == FLOOR
     for k, x_m in enumerate((0.46, 0.51, 0.56)):
         assert met(ground, 20.0 + 0.04 * k, x_m, 0.03)["kind"][0] == FLOOR
-    assert bin(ground.cells["floor_parts"][at]).count("1") == 5
+    assert bin(ground.cells["parts"][at]).count("1") == 5
 
 
 def test_floor_in_a_part_has_the_cells_beside_it_decided_again_that_lack_some() -> None:

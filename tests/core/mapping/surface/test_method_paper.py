@@ -14,8 +14,9 @@ BESIDE = [
 FILES = sorted([*ROOT.glob("core/mapping/surface/*.py"), *BESIDE])
 EXEMPT = {  # numbers that tell kinds or bits apart, or count what is written out beside them
     "along.py": {"MOST_PLACES"},
-    "cells.py": {"LOOSE", "TIED", "APART"},
+    "cells.py": {"LOOSE", "TIED", "APART", "PART_BITS", "ALL_PARTS", "MOST_LOOKS", "PLANES"},
     "error.py": {"STATES"},
+    "places.py": {"MOST_PARTS"},  # as many as the bits of a cell are for
     "touched.py": {"VOTED", "SAW_FLOOR", "WENT_UNDER", "NEWLY_TIED"},
     "sweep.py": {"NONE", "FLOOR", "ABOVE", "BELOW", "HIGH"},
 }
@@ -33,32 +34,50 @@ class Told(NamedTuple):
     origin: str
 
 
-def names_assigned(text: str) -> list[str]:
-    """Constants that a module assigns itself, alone or several in a line."""
-    found = []
+def assigned(text: str) -> dict[str, ast.expr]:
+    """What a module assigns to its constants, alone or several in a line."""
+    found: dict[str, ast.expr] = {}
     for node in ast.parse(text).body:
-        targets = node.targets if isinstance(node, ast.Assign) else []
-        if isinstance(node, ast.AnnAssign):
-            targets = [node.target]
-        for target in targets:
+        if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None:
+            continue
+        for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
             parts = target.elts if isinstance(target, ast.Tuple) else [target]
-            found += [part.id for part in parts if isinstance(part, ast.Name)]
-    return [name for name in found if name.isupper()]
+            values = [node.value] * len(parts)
+            if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+                values = node.value.elts
+            for part, value in zip(parts, values, strict=True):
+                if isinstance(part, ast.Name) and part.id.isupper():
+                    found[part.id] = value
+    return found
 
 
-def constants_of_code() -> dict[Key, object]:
-    """All numbers, and tuples of numbers, that the files keep under a name in capitals."""
-    found = {}
+def follows(value: ast.expr) -> bool:
+    """Whether a constant follows from others."""
+    return any(isinstance(node, ast.Name) and node.id.isupper() for node in ast.walk(value))
+
+
+def constants_of_code() -> tuple[dict[Key, object], dict[Key, str]]:
+    """All numbers, and tuples of numbers, that the files keep under a name in capitals.
+
+    Returns:
+        Those that stand for themselves, and the expressions of those that follow from others.
+    """
+    found: dict[Key, object] = {}
+    derived: dict[Key, str] = {}
     for path in FILES:
         module = importlib.import_module(
             ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
         )
-        for name in names_assigned(path.read_text(encoding="utf-8")):
+        for name, by in assigned(path.read_text(encoding="utf-8")).items():
             value = getattr(module, name)
             numbers = value if type(value) is tuple else (value,)
-            if all(type(number) in (int, float) for number in numbers):
+            if not all(type(number) in (int, float) for number in numbers):
+                continue
+            if follows(by):
+                derived[path.name, name] = ast.unparse(by)
+            else:
                 found[path.name, name] = value
-    return found
+    return found, derived
 
 
 def constants_of_paper() -> dict[Key, Told]:
@@ -77,12 +96,25 @@ def constants_of_paper() -> dict[Key, Told]:
     return found
 
 
-CODE, PAPER = constants_of_code(), constants_of_paper()
+def derived_of_paper() -> dict[Key, str]:
+    """The second table: what follows, and from what."""
+    text = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
+    section = text.split("\n## 6 ")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| ([A-Z_0-9]+) \| `(\w+\.py)` \| `([^`]+)` \|", section, re.MULTILINE)
+    return {(file, name): ast.unparse(ast.parse(by)) for name, file, by in rows}
+
+
+(CODE, DERIVED), PAPER = constants_of_code(), constants_of_paper()
 NAMED = {key for key in CODE if key[1] not in EXEMPT.get(key[0], ())}
 
 
 def test_the_paper_names_each_constant_of_the_code_and_no_other() -> None:
     assert set(PAPER) == NAMED
+
+
+def test_the_paper_has_what_follows_from_other_constants_as_the_code_works_it_out() -> None:
+    known = {key: by for key, by in DERIVED.items() if key[1] not in EXEMPT.get(key[0], ())}
+    assert derived_of_paper() == known
 
 
 def test_the_paper_has_the_values_of_the_code() -> None:
@@ -105,4 +137,4 @@ def test_the_paper_counts_its_constants() -> None:
 
 def test_what_is_exempt_is_there() -> None:
     for file, names in EXEMPT.items():
-        assert names <= {name for where, name in CODE if where == file}
+        assert names <= {name for where, name in [*CODE, *DERIVED] if where == file}

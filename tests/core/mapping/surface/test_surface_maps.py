@@ -120,6 +120,14 @@ def test_a_gentle_ramp_is_ground() -> None:
     assert way(rig, 9.3, 11.1).count(FREE) > 0.9 * len(way(rig, 9.3, 11.1))
 
 
+def test_heights_over_the_plane_of_the_robot_do_not_tilt_with_its_attitude() -> None:
+    """The sensor is off by half a degree for always: the map tilts, and the robot's plane too."""
+    ride = Ride(v_mps=1.0, bias_rad=(0.0, math.radians(0.5)))
+    maps = maps_of(Rig(CONFIG, World(), ride, 6.0).run())
+    assert np.nanmax(np.abs(maps.heights_m())) > 0.05
+    assert np.nanmax(np.abs(maps.heights_over_plane_m())) < 0.03
+
+
 def test_erasing_forgets_everything() -> None:
     rig = drive(World(ditch(9.05, 0.6)), 2.0)
     maps = maps_of(rig)

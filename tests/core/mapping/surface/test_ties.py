@@ -3,7 +3,8 @@
 import pytest
 
 from core.mapping.surface.cells import APART, LOOSE, TIED
-from core.mapping.surface.ties import FRONT, spread_ties, tie_of
+from core.mapping.surface.constants import FRONT
+from core.mapping.surface.ties import spread_ties, tie_of
 from core.mapping.surface.touched import NEWLY_TIED, touch
 from tests.support.ground_cells import LIMITS, GroundCells
 
@@ -16,7 +17,7 @@ class Sides:
         for i in range(-6, 0):
             for j in front:
                 at = self.ground.lay(i, j, 0.0)
-                slot = touch(at, self.ground.surface, self.ground.touched)
+                slot = touch(at, self.ground.touched)
                 self.ground.touched.bits[slot] |= NEWLY_TIED
         self.beyond = [
             self.ground.lay(i, j, rise_m, tied=behind) for i in range(12) for j in range(-10, 11)

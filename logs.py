@@ -16,7 +16,6 @@ from hw.planner_link.receivers import Planners
 from hw.runtime.threads import LogWriter
 from wiring import Devices
 
-LOOK_S = 0.05  # what has changed is looked for this often: a person does not read sooner
 COUNTS_S = 1.0  # counters to the log this often
 MEASURED_S = 60.0  # and what devices have measured of themselves
 WEIGHTS = {"error": 3, "warning": 4, "info": 6, "debug": 7}  # sd-daemon(3)
@@ -147,23 +146,10 @@ class StateLog:
         self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", "")}
         self._begun = (-1, 0, planners.session, False)  # see `_tell_restarts`; -1: not known yet
         self._rejected = [0] * len(planners.links)  # answers, as far as told
-        self._looked_s = self._counted_s = self._measured_s = float("-inf")
+        self._counted_s = self._measured_s = float("-inf")
 
     def step(self, now_s: float, loop: LoopCounts) -> None:
         """Log what is new, and what is due."""
-        if now_s - self._looked_s >= LOOK_S:
-            self._looked_s = now_s
-            self._tell_changes()
-        if now_s - self._counted_s >= COUNTS_S:
-            self._counted_s = now_s
-            self._tell_counts(loop)
-        if now_s - self._measured_s >= MEASURED_S:
-            self._measured_s = now_s
-            for name, source in self._devices.items():
-                if source.status.state == "running" and (measured := source.measured()):
-                    LOG.info("device_measured", device=name, **measured)
-
-    def _tell_changes(self) -> None:
         for device, status in self.statuses.items():
             if self._has_changed(device, status.state, status.cause):
                 self._tell_device(device, status)
@@ -176,6 +162,14 @@ class StateLog:
         if self._has_changed("poses", "", poses.last_refusal):
             LOG.warning("external_poses_changed", refused_because=poses.last_refusal)
         self._tell_restarts()
+        if now_s - self._counted_s >= COUNTS_S:
+            self._counted_s = now_s
+            self._tell_counts(loop)
+        if now_s - self._measured_s >= MEASURED_S:
+            self._measured_s = now_s
+            for name, source in self._devices.items():
+                if source.status.state == "running" and (measured := source.measured()):
+                    LOG.info("device_measured", device=name, **measured)
 
     def _tell_restarts(self) -> None:
         """That the map or the session began anew, and why."""

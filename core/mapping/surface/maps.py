@@ -124,6 +124,7 @@ class SurfaceMaps:
         nothing = np.zeros(0, dtype=np.int32)
         self.window.put(nothing, np.zeros(0, dtype=np.int8))
         self._error.warm()
+        decide_cells(nothing, self._surface, self._limits, self._decision.shown, 0)
         self.causes(nothing.astype(np.int64), nothing.astype(np.int64))
 
     @property

@@ -172,22 +172,33 @@ class Conversation:
                 if fault is not None:
                     break
         if fault == "":
-            now_s, line_s = self.exchange.now_s, times.fit(query, texts)
-            if is_late or not is_patient:
-                times.learn(now_s, now_s - written_s - line_s, is_late)
-                self.took_s = now_s - written_s
-            else:
-                # the first character of the answer comes behind a CR, the echo and itself
-                sent_s = (len(query) + 3) * CHARACTER_S + times.delay_s
-                began_s = min(began_s, written_s + sent_s)
-                self.took_s = min(now_s - written_s, line_s + times.delay_s)
-            self.failures, self.fault = 0, "refused"
-            taken_s = (written_s + (len(query) + 1) * CHARACTER_S + began_s) / 2
+            looked = is_late if is_late or not is_patient else None
+            taken_s = self._have_answer(query, texts, written_s, began_s, looked)
             return taken_s, ["-"] if "-" in texts else texts
         silence = NO_LINE if self.is_noise else NO_VALUE if echoed else NO_ECHO
         self.fault = fault or silence
         yield from self._fail()
         return None
+
+    def _have_answer(
+        self, query: str, texts: list[str], written_s: float, began_s: float, is_late: bool | None
+    ) -> float:
+        """When the controller took the values of an exchange that went well.
+
+        Args:
+            is_late: it was not whole at the first look; None: nobody looked in time.
+        """
+        times, passed_s = self._times, self.exchange.now_s - written_s
+        line_s = times.fit(query, texts)
+        self.failures, self.fault, self.took_s = 0, "refused", passed_s
+        if is_late is not None:
+            times.learn(self.exchange.now_s, passed_s - line_s, is_late)
+        else:
+            # the first character of the answer comes behind a CR, the echo and itself
+            sent_s = (len(query) + 3) * CHARACTER_S + times.delay_s
+            began_s = min(began_s, written_s + sent_s)
+            self.took_s = min(passed_s, line_s + times.delay_s)
+        return (written_s + (len(query) + 1) * CHARACTER_S + began_s) / 2
 
     def _fail(self) -> Steps[None]:
         """Let late answers pass by until it is quiet, so that none is taken for the next one's.

@@ -169,6 +169,8 @@ def test_a_cell_leaves_over_the_edge_that_it_is_nearest_to(
         (0.0, 0.0, (0.5, 0.5, 9.0), (1.0, 0.0), False),
         (0.1, 0.0, (0.5, 0.5, 9.0), (0.0, 0.0), False),
         (-0.1, 0.0, (0.5, 0.5, 9.0), (0.0, 0.0), False),
+        (0.1, 0.0, (0.5, 0.5, 9.0), (-0.5, 0.0), True),  # over the front, slowly
+        (-0.1, 0.0, (0.5, 0.5, 9.0), (0.5, 0.0), True),  # and over the rear
         (0.1, 0.2, (0.5, 0.5, 0.25), (0.5, 0.0), False),
         (0.25, 0.25, (0.5, 0.5, 0.5), (0.0, -4e-9), False),  # as good as at rest
     ],

@@ -153,7 +153,6 @@ class Conversation:
         while fault is None and self.exchange.now_s < until_s:
             is_late = self.exchange.now_s >= whole_s  # we have looked, and it was not whole
             due_s, hears_s = (until_s, whole_s) if is_late else (min(look_s, until_s), look_s)
-            # a wish may change with any step
             events = yield from self.exchange.turn(out, due_s, hears_s, self._motors.enabled)
             out = b""
             for event in events:
@@ -172,8 +171,8 @@ class Conversation:
                 if fault is not None:
                     break
         if fault == "":
-            looked = is_late if is_late or not is_patient else None
-            taken_s = self._have_answer(query, texts, written_s, began_s, looked)
+            maybe_late = is_late if is_late or not is_patient else None
+            taken_s = self._have_answer(query, texts, written_s, began_s, maybe_late)
             return taken_s, ["-"] if "-" in texts else texts
         silence = NO_LINE if self.is_noise else NO_VALUE if echoed else NO_ECHO
         self.fault = fault or silence
@@ -181,18 +180,23 @@ class Conversation:
         return None
 
     def _have_answer(
-        self, query: str, texts: list[str], written_s: float, began_s: float, is_late: bool | None
+        self,
+        query: str,
+        texts: list[str],
+        written_s: float,
+        began_s: float,
+        maybe_late: bool | None,
     ) -> float:
         """When the controller took the values of an exchange that went well.
 
         Args:
-            is_late: it was not whole at the first look; None: nobody looked in time.
+            maybe_late: whether it was not whole at the first look; None: nobody looked in time.
         """
         times, passed_s = self._times, self.exchange.now_s - written_s
         line_s = times.fit(query, texts)
         self.failures, self.fault, self.took_s = 0, "refused", passed_s
-        if is_late is not None:
-            times.learn(self.exchange.now_s, passed_s - line_s, is_late)
+        if maybe_late is not None:
+            times.learn(self.exchange.now_s, passed_s - line_s, maybe_late)
         else:
             # the first character of the answer comes behind a CR, the echo and itself
             sent_s = (len(query) + 3) * CHARACTER_S + times.delay_s

@@ -72,6 +72,11 @@ def records(of: np.dtype[Any], count: int = 1) -> Records:
     return with_fields(np.zeros(count, of))
 
 
+def fields(of: type[np.generic], names: str) -> list[tuple[str, type[np.generic]]]:
+    """Fields of records that are of one type, by their names in a row."""
+    return [(name, of) for name in names.split()]
+
+
 def with_fields(array: Records) -> Records:
     """Records as kernels want them: their fields are attributes, in Python by a `recarray`."""
     return array if COMPILED else array.view(np.recarray)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from core.grid.places import Ring
 from jit import kernel
 
 HYSTERESIS_CELLS = 2  # off centre before the window moves (link, section 4)
@@ -36,6 +37,12 @@ class RingGrid:
         self.size, self.cell_m = size, cell_m
         self.corner_i = self.corner_j = -(size // 2)  # world cell with the lowest i and j
         self._layers: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []  # each with its blank
+
+    @property
+    def ring(self) -> Ring:
+        """Where it is now, for kernels."""
+        i, j, size = self.corner_i, self.corner_j, self.size
+        return Ring(i, j, i % size, j % size, size, self.cell_m)
 
     def layer(self, dtype: npt.DTypeLike, blank: Any) -> npt.NDArray[Any]:
         """A new (size, size) array that is `blank` wherever cells enter the window."""

@@ -1,14 +1,13 @@
 """Where the robot stands, and on which plane, at the instant of a scan: map frame."""
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 
 
-@dataclass(frozen=True, slots=True)
-class BodyPose:
+class BodyPose(NamedTuple):
     """Where the robot stands, map frame: the body's origin, its heading, and its own plane."""
 
     x_m: float
@@ -17,6 +16,7 @@ class BodyPose:
     heading: tuple[float, float]  # unit vector
     slopes: tuple[float, float]  # of the body's x-y plane along map x and y
     travel_m: float  # since the start, signed
+    t_s: float = math.nan
 
 
 def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> BodyPose:
@@ -27,4 +27,5 @@ def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> Bod
     cy, sy = math.cos(yaw), math.sin(yaw)
     nx, ny, nz = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr  # the body's z axis
     x_m, y_m, z_m = odometry.xyz_at(t_s).tolist()
-    return BodyPose(x_m, y_m, z_m, (cy, sy), (-nx / nz, -ny / nz), odometry.travel_at(t_s))
+    travel_m = odometry.travel_at(t_s)
+    return BodyPose(x_m, y_m, z_m, (cy, sy), (-nx / nz, -ny / nz), travel_m, t_s)

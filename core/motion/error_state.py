@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from core.motion.kalman import correct as take
 from core.records import F64
 from jit import Records, allocating_kernel, kernel, records
 
@@ -79,16 +80,7 @@ def correct(P: F64, value: F64, h: F64, innovation: float, variance: float) -> N
 
     The variance of the noise must be positive.
     """
-    Ph = np.zeros(SIZE)
-    spread = variance
-    for i in range(SIZE):
-        for n in range(SIZE):
-            Ph[i] += P[i, n] * h[n]
-        spread += h[i] * Ph[i]
-    for i in range(SIZE):
-        value[i] += Ph[i] / spread * innovation
-        for n in range(SIZE):
-            P[i, n] -= Ph[i] * Ph[n] / spread
+    take(P, value, h, innovation, variance, np.zeros(SIZE))
 
 
 @kernel

@@ -5,16 +5,35 @@ from typing import Any
 
 import numpy as np
 
-from core.mapping.surface.cells import BLANK, CELL, PART_BITS, TIED, Ground, Surface
+from core.grid.places import Ring, index_of
+from core.mapping.body import BodyPose
+from core.mapping.surface.cells import (
+    BLANK,
+    CELL,
+    PART_BITS,
+    PLANE,
+    PLANES,
+    TIED,
+    Limits,
+    Plane,
+    Surface,
+    Touched,
+    plane_at,
+)
 from core.mapping.surface.evidence import end_beams
-from core.mapping.surface.sweep import RETURN, Beams, Stand
-from core.mapping.surface.touched import Limits, none_touched
+from core.mapping.surface.sweep import RETURN, Beams
 from core.records import F64
 from jit import Records, records
 
-LIMITS = Limits(0.10, -0.10, 1.30, 0.04**2, 11.6, 4)
+FAR_M = 8.2  # where a level sweep meets the ground
 RISES = 0.06  # half the tilt of the scan plane
 NOISE_M2 = 1e-4  # of a return
+LIMITS = Limits(0.10, -0.10, 1.30, 0.0, 0.04**2, NOISE_M2, FAR_M, RISES, 4, 1)
+
+
+def standing(x_m: float = 0.0, y_m: float = 0.0, t_s: float = 0.0, way_m: float = 0.0) -> BodyPose:
+    """A robot that looks along x, on level ground of height 0."""
+    return BodyPose(x_m, y_m, 0.0, (1.0, 0.0), (0.0, 0.0), way_m, t_s)
 
 
 def packed(fields: dict[str, Any]) -> dict[str, Any]:
@@ -34,15 +53,26 @@ class GroundCells:
         self.cells[:] = BLANK
         self.own: F64 = np.zeros(5)
         low_i, low_j = corner or (-(size // 2), -(size // 2))
-        self.surface: Surface = Ground(self.cells, size, cell_m, RISES, self.own).surface(
-            low_i, low_j
-        )
         count = size * size
-        self.touched = none_touched(np.zeros(count, np.uint8), np.full(count, -math.inf))
+        self.touched = Touched.none(count)
+        self.surface = Surface(
+            cells=self.cells,
+            tall=np.zeros(count, np.uint8),
+            seen_s=np.full(count, -math.inf),
+            oldest_s=-math.inf,
+            ring=Ring(low_i, low_j, low_i % size, low_j % size, size, cell_m),
+            limits=LIMITS,
+            stand=standing(),
+            own=self.own,
+            P=np.zeros((5, 5)),
+            touched=self.touched,
+            planes=records(PLANE, PLANES * PLANES),
+            scan=np.zeros(1, np.int64),
+        )
 
     def at(self, i: int, j: int) -> int:
         """Flat index of a world cell."""
-        return (j % self.surface.size) * self.surface.size + i % self.surface.size
+        return index_of(i, j, self.surface.ring)
 
     def lay(self, i: int, j: int, z_m: float, **more: Any) -> int:
         """Floor that was seen at a world cell; its flat index."""
@@ -52,13 +82,18 @@ class GroundCells:
             self.cells[name][at] = value
         return at
 
+    def plane(self, i: int, j: int, x_m: float, y_m: float) -> Plane:
+        """The ground at a world cell by that around it, for a robot that stands there."""
+        self.surface.scan[0] += 1  # what was worked out before holds no more
+        return plane_at(i, j, self.surface._replace(stand=standing(x_m, y_m)))
+
 
 def met(
     ground: GroundCells, t_s: float, x_m: float, z_m: float, limits: Limits = LIMITS
 ) -> Records:
     """A scan whose one beam ends 5 m ahead of the robot at a height; what became of it."""
     returns = records(RETURN)
-    one, stand = returns[0], Stand(x_m - 5.0, 0.1, 0.0, 0.0, 0.0, 1.0, 0.0, t_s, 0.0)
+    one, stand = returns[0], standing(x_m - 5.0, 0.1, t_s)
     one["at"] = at = ground.at(int(x_m // 0.2), 0)
     one["x_m"], one["y_m"], one["z_m"], one["ahead_m"] = x_m, 0.1, z_m, 5.0
     cell = ground.cells[at]
@@ -72,6 +107,6 @@ def met(
     ground.touched.used[0] = 0
     end_beams(
         Beams(lens, beam, np.full((1, 1), 5.0), returns, 1e-5),
-        stand, limits, ground.surface, ground.touched,
-    )  # fmt: skip
+        ground.surface._replace(stand=stand, limits=limits),
+    )
     return returns

@@ -23,9 +23,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from core.mapping.surface.constants import BEND, CARRY_M, FLAT_M, REACH, REACH_M, STEEP, STEEPEST
-from core.records import F64, I64
-from jit import Record, Records, kernel, records
+from core.grid.places import Ring, from_centre, index_of
+from core.mapping.body import BodyPose
+from core.mapping.surface.constants import BEND, CARRY_M, FLAT_M, REACH, STEEP, STEEPEST
+from core.records import F64, I8, I32, I64, U8
+from jit import Record, Records, fields, kernel
 
 Cells = npt.NDArray[Any]  # flat, of CELL
 
@@ -53,73 +55,70 @@ CELL = np.dtype(
 )
 LOOSE, TIED, APART = 0, 1, 2  # ground: not known to be reached; reached without a step; beyond one
 BLANK = np.zeros((), dtype=CELL)
-for _name, _value in (
-    ("var_m2", np.inf),
-    ("floor_m", np.inf),
-    ("low_m", np.inf),
-    ("top_m", -np.inf),
-    ("under_m", np.inf),
-    ("floor_s", -np.inf),
-):
-    BLANK[_name] = _value
-
+BLANK[["var_m2", "floor_m", "low_m", "under_m"]] = math.inf
+BLANK[["floor_s", "top_m"]] = -math.inf
 MOST_LOOKS = 0xFFFF  # more are not counted
 PART_BITS, ALL_PARTS = 16, 0xFFFF  # of floor, below those of beams under it
 
-
-PLANE = np.dtype(  # ground about a block of cells, as a scan has worked it out
+PLANES = 32  # blocks of cells along an edge, whose planes are kept for the rest of a scan
+PLANE = np.dtype(
     [
-        ("block_i", np.int64),
-        ("block_j", np.int64),
-        ("i", np.int64),  # the cell of it that was asked for
-        ("j", np.int64),
-        ("scan", np.int64),
-        ("seen_s", np.float64),
-        ("z_m", np.float64),
-        ("slope_x", np.float64),
-        ("slope_y", np.float64),
-        ("var_m2", np.float64),
-        ("tied", np.int64),
-        ("is_before", np.int64),
-    ],
-    align=True,
+        *fields(np.int64, "block_i block_j scan"),  # whose, and when it was worked out
+        *fields(np.int64, "i j"),  # about which cell of it
+        *fields(np.float64, "z_m slope_x slope_y var_m2 seen_s"),  # as in `Plane`
+        *fields(np.int64, "tied is_before"),
+    ]
 )
-PLANES = 32  # blocks along an edge, whose planes are kept for the rest of a scan
+VOTED, SAW_FLOOR, WENT_UNDER, NEWLY_TIED = 1, 2, 4, 8  # bits of what a scan has said of a cell
+
+
+class Limits(NamedTuple):
+    """From the settings."""
+
+    h_pos_m: float
+    h_neg_m: float
+    height_m: float  # of the robot
+    soft_m: float  # so high, soft things may be free; 0: never
+    guess_m2: float  # variance of ground that is a guess
+    noise_m2: float  # of the height of a return from level ground
+    far_m: float  # how far ahead level ground is met
+    rises: float  # ground that rises more towards the robot is none
+    parts: int  # of a cell, along its edge
+    block: int  # cells along the edge of a block, whose ground is worked out at once
+
+
+class Touched(NamedTuple):
+    """The cells that a scan has met, once each, and what it has said of them."""
+
+    slots: I32  # (cells,) where in the rest a cell is, if it is there
+    at: I32  # (n,) flat indices
+    bits: I8  # (n,)
+    said: F64  # (n,) what was added to the log-odds
+    used: I32  # (1,) so many of them
+
+    @classmethod
+    def none(cls, cells: int) -> "Touched":
+        """Room for as many cells."""
+        slots, at = np.zeros((2, cells), np.int32)
+        used = np.zeros(1, np.int32)
+        return cls(slots, at, np.zeros(cells, np.int8), np.zeros(cells), used)
 
 
 class Surface(NamedTuple):
-    """The map, as kernels are given it."""
+    """The map and all else that a scan works with, as kernels are given it."""
 
     cells: Cells
-    corner_i: int  # world cell with the lowest i and j,
-    corner_j: int
-    turn_i: int  # and its column and row
-    turn_j: int
-    size: int
-    cell_m: float
-    rises: float  # ground that rises more towards the robot is none
-    block: int  # cells along the edge of a block, whose ground is worked out at once
+    tall: U8  # (cells,) whether something stands in a cell: few bytes for beams to look at
+    seen_s: F64  # (cells,) when a beam met or passed one last,
+    oldest_s: float  # and what is too old to be passed: floor must be met again
+    ring: Ring
+    limits: Limits
+    stand: BodyPose  # where and how the robot stands
     own: F64  # (5,) error of the newest sweep: height, pitch, roll; pitch and roll always
+    P: F64  # (5, 5) its covariance
+    touched: Touched
     planes: Records  # (PLANES * PLANES,)
-    scan: I64  # (1,) counts scans
-
-
-class Ground:
-    """What of a surface does not change from scan to scan."""
-
-    def __init__(self, cells: Cells, size: int, cell_m: float, rises: float, own: F64) -> None:
-        self._cells, self._size, self._cell_m, self._own = cells, size, cell_m, own
-        self._rises = rises
-        self._block = max(1, round(REACH_M / cell_m))
-        self._planes, self._scan = records(PLANE, PLANES * PLANES), np.zeros(1, np.int64)
-
-    def surface(self, corner_i: int, corner_j: int) -> Surface:
-        """As kernels are given it."""
-        size = self._size
-        return Surface(
-            self._cells, corner_i, corner_j, corner_i % size, corner_j % size, size, self._cell_m,
-            self._rises, self._block, self._own, self._planes, self._scan,
-        )  # fmt: skip
+    scan: I64  # (1,) counts sweeps
 
 
 class Plane(NamedTuple):
@@ -138,37 +137,26 @@ NOWHERE = Plane(0.0, 0.0, 0.0, math.inf, -math.inf, LOOSE, False)
 
 
 @kernel
-def index_of(i: int, j: int, surface: Surface) -> int:
-    """Flat index of a world cell; -1 outside of the window. Nothing is divided."""
-    size, column, row = surface.size, i - surface.corner_i, j - surface.corner_j
-    if not (0 <= column < size and 0 <= row < size):
-        return -1
-    column, row = column + surface.turn_i, row + surface.turn_j
-    column = column - size if column >= size else column
-    row = row - size if row >= size else row
-    return row * size + column
+def touch(at: int, touched: Touched) -> int:
+    """Note a cell once per scan; where what is said of it is kept."""
+    used, slot = touched.used[0], touched.slots[at]
+    if slot < used and touched.at[slot] == at:
+        return int(slot)
+    touched.slots[at], touched.at[used], touched.bits[used] = used, at, 0
+    touched.used[0] = used + 1
+    return int(used)
 
 
 @kernel
-def world_cell(at: int, surface: Surface) -> tuple[int, int]:
-    """The world cell of a flat index."""
-    size = surface.size
-    row = at // size
-    i, j = at - row * size - surface.turn_i, row - surface.turn_j
-    i, j = i + size if i < 0 else i, j + size if j < 0 else j
-    return surface.corner_i + i, surface.corner_j + j
+def floor_parts(cell: Record) -> int:
+    """Bits of the parts of a cell in which floor was seen."""
+    return int(cell.parts) & ALL_PARTS
 
 
 @kernel
-def cell_at(x: float, y: float, surface: Surface) -> int:
-    """Flat index of the cell of a point; -1 outside of the window."""
-    return index_of(math.floor(x / surface.cell_m), math.floor(y / surface.cell_m), surface)
-
-
-@kernel
-def from_centre(x: float, cell_m: float) -> float:
-    """How far a point lies from the middle of its cell along an axis."""
-    return x - (math.floor(x / cell_m) + 0.5) * cell_m
+def under_parts(cell: Record) -> int:
+    """Bits of the parts of a cell in which a beam was under the ground."""
+    return int(cell.parts) >> PART_BITS
 
 
 @kernel
@@ -178,33 +166,16 @@ def row_of(parts: int) -> int:
 
 
 @kernel
-def whole(number: int) -> int:
-    """A whole number of a cell in 64 bits, which any kernel's argument has."""
-    return number
-
-
-@kernel
-def real(number: float) -> float:
-    """A number of a cell in 64 bits."""
-    return number
-
-
-@kernel
-def floor_parts(cell: Record) -> int:
-    """Bits of the parts of a cell in which floor was seen."""
-    return whole(cell.parts) & ALL_PARTS
-
-
-@kernel
-def under_parts(cell: Record) -> int:
-    """Bits of the parts of a cell in which a beam was under the ground."""
-    return whole(cell.parts) >> PART_BITS
-
-
-@kernel
 def ground_of(cell: Record, own: F64) -> float:
     """Height of the ground at a cell's centre."""
     return float(cell.ground_m - own[3] * cell.arm_m - own[4] * cell.aside_m)
+
+
+@kernel
+def height_over(cell: Record, x: float, y: float, z: float, surface: Surface) -> float:
+    """How high a point of a cell lies over its ground, which is as steep as that around it."""
+    dx, dy = from_centre(x, surface.ring.cell_m), from_centre(y, surface.ring.cell_m)
+    return float(z - ground_of(cell, surface.own) - (cell.slope_x * dx + cell.slope_y * dy))
 
 
 @kernel
@@ -214,64 +185,65 @@ def grown(var: float, far_m: float) -> float:
 
 
 @kernel
-def plane_at(i: int, j: int, x_m: float, y_m: float, surface: Surface) -> Plane:
-    """The ground at the centre of a world cell.
+def plane_of(
+    z: float, slope_x: float, slope_y: float, var: float, seen_s: float, tied: int, is_before: bool
+) -> Plane:
+    """A plane by numbers of a cell, which have fewer bits."""
+    return Plane(z, slope_x, slope_y, var, seen_s, tied, is_before)
+
+
+@kernel
+def plane_at(i: int, j: int, surface: Surface) -> Plane:
+    """The ground at the centre of a world cell, by the measured ground around it.
 
     It is worked out once a scan for all cells of a block: about the one that is asked for first.
     """
-    block, scan = surface.block, surface.scan[0]
+    block, scan, cell_m = surface.limits.block, surface.scan[0], surface.ring.cell_m
     block_i, block_j = (i // block, j // block) if block > 1 else (i, j)
     one = surface.planes[block_j % PLANES * PLANES + block_i % PLANES]
     if one.scan != scan or one.block_i != block_i or one.block_j != block_j:
         one.scan, one.block_i, one.block_j = scan, block_i, block_j
-        one.i, one.j = i, j
-        plane = predict(i, j, x_m, y_m, surface)
-        one.z_m, one.slope_x, one.slope_y = plane.z_m, plane.slope_x, plane.slope_y
-        one.var_m2, one.seen_s, one.tied = plane.var_m2, plane.seen_s, plane.tied
-        one.is_before = plane.is_before
-    dx, dy = (i - one.i) * surface.cell_m, (j - one.j) * surface.cell_m
-    z = one.z_m + one.slope_x * dx + one.slope_y * dy
-    return Plane(z, one.slope_x, one.slope_y, one.var_m2, one.seen_s, one.tied, one.is_before > 0)
+        _fit(one, i, j, surface)
+    z = one.z_m + one.slope_x * ((i - one.i) * cell_m) + one.slope_y * ((j - one.j) * cell_m)
+    is_before = one.is_before > 0
+    return Plane(z, one.slope_x, one.slope_y, one.var_m2, one.seen_s, one.tied, is_before)
 
 
 @kernel
-def predict(i: int, j: int, x_m: float, y_m: float, surface: Surface) -> Plane:
-    """The ground at the centre of a world cell by the measured ground around it, a block apart.
-
-    x_m, y_m: where the robot stands.
-    """
-    cells, cell_m, own, block = surface.cells, surface.cell_m, surface.own, surface.block
-    edge = cell_m * block
+def _fit(one: Record, i: int, j: int, surface: Surface) -> None:
+    """Fit a plane to the measured ground around a world cell, a block apart, into its PLANE."""
+    cells, ring, own, stand = surface.cells, surface.ring, surface.own, surface.stand
+    block, edge = surface.limits.block, ring.cell_m * surface.limits.block
     w0 = wu = wv = wuu = wuv = wvv = wz = wzu = wzv = 0.0
-    best, z0, most, tied, is_before, seen_s = math.inf, 0.0, math.inf, LOOSE, False, -math.inf
-    dx, dy = (i + 0.5) * cell_m - x_m, (j + 0.5) * cell_m - y_m
+    z0, most = 0.0, math.inf
+    dx, dy = (i + 0.5) * ring.cell_m - stand.x_m, (j + 0.5) * ring.cell_m - stand.y_m
+    one.i, one.j, one.var_m2, one.seen_s = i, j, math.inf, -math.inf
+    one.z_m, one.slope_x, one.slope_y, one.tied, one.is_before = 0.0, 0.0, 0.0, LOOSE, 0
     for dj in range(-REACH, REACH + 1):
         for di in range(-REACH, REACH + 1):
-            at = index_of(i + di * block, j + dj * block, surface)
+            at = index_of(i + di * block, j + dj * block, ring)
             if at < 0 or cells[at].looks == 0:
                 continue
             cell = cells[at]
             u, v = di * edge, dj * edge
-            away = math.sqrt(u * u + v * v)
-            var, ground = grown(real(cell.var_m2), away), ground_of(cell, own)
-            top = real(cell.top_m)
-            if top > 0.0:  # where something rises, the ground is not better known than that
-                var += top * top
+            away, ground = math.sqrt(u * u + v * v), ground_of(cell, own)
+            rise = max(0.0, cell.top_m)  # the ground is not better known than what rises there
+            var = grown(cell.var_m2, away) + rise * rise
             w = 1.0 / (var + FLAT_M * FLAT_M)
-            if best == math.inf:
+            if one.var_m2 == math.inf:
                 z0 = ground
             is_nearer = u * dx + v * dy <= 0.0
-            is_before = is_before or is_nearer
+            one.is_before |= is_nearer
             # towards the robot, a wall looks like a ramp
-            most = min(most, ground + (STEEPEST if is_nearer else surface.rises) * away)
-            if var < best:
-                best, tied, seen_s = var, whole(cell.tied), cell.floor_s
+            most = min(most, ground + (STEEPEST if is_nearer else surface.limits.rises) * away)
+            if var < one.var_m2:
+                one.var_m2, one.tied, one.seen_s = var, cell.tied, cell.floor_s
             z = ground - z0
             w0, wu, wv, wz = w0 + w, wu + w * u, wv + w * v, wz + w * z
             wuu, wuv, wvv = wuu + w * u * u, wuv + w * u * v, wvv + w * v * v
             wzu, wzv = wzu + w * z * u, wzv + w * z * v
-    if best == math.inf:
-        return NOWHERE
+    if w0 == 0.0:
+        return
     u, v, z = wu / w0, wv / w0, wz / w0
     prior = 1.0 / (STEEP * STEEP)
     cuu, cvv, cuv = wuu - w0 * u * u + prior, wvv - w0 * v * v + prior, wuv - w0 * u * v
@@ -279,4 +251,4 @@ def predict(i: int, j: int, x_m: float, y_m: float, surface: Surface) -> Plane:
     det = cuu * cvv - cuv * cuv
     a = max(-STEEPEST, min(STEEPEST, (czu * cvv - czv * cuv) / det))
     b = max(-STEEPEST, min(STEEPEST, (czv * cuu - czu * cuv) / det))
-    return Plane(min(most, z0 + z - a * u - b * v), a, b, best, seen_s, tied, is_before)
+    one.z_m, one.slope_x, one.slope_y = min(most, z0 + z - a * u - b * v), a, b

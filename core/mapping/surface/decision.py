@@ -12,10 +12,7 @@ Source: docs/method.md, section 5.
 import math
 from typing import NamedTuple
 
-import numpy as np
-
-from core.grid.places import ones
-from core.grid.ring import RingGrid
+from core.grid.places import Ring, index_of, ones, world_cell
 from core.grid.window import ObstacleWindow, put_state
 from core.mapping import causes
 from core.mapping.causes import (
@@ -33,37 +30,35 @@ from core.mapping.causes import (
     UNSEEN,
     UNSHOWN,
 )
-from core.mapping.freshness import Freshness
 from core.mapping.surface.cells import (
     APART,
     TIED,
+    Limits,
     Surface,
     floor_parts,
-    index_of,
     row_of,
     under_parts,
-    world_cell,
 )
 from core.mapping.surface.constants import CLEAR, GATE, HIT, LIKELY
-from core.mapping.surface.touched import Limits
-from core.records import F64, I8, I32, I64, OBSTACLE, U8
+from core.records import I8, I32, I64, OBSTACLE, U8
 from jit import Record, kernel
 
 _state_of, _shown_cause = kernel(causes.state_of), kernel(causes.shown_cause)
 
 
 @kernel
-def _missing(cell: Record, h_neg: float, noise: float) -> int:
+def _missing(cell: Record, limits: Limits) -> int:
     """NO_FLOOR for a hole or an edge down, UNSHOWN where there may be one, else 0.
 
     Before the ground beyond has been seen, a little is only "perhaps". It may lie lower: then the
     ground is lower here too, and that is no hole; but too much of it is an edge.
     """
+    h_neg = limits.h_neg_m
     if cell.under_m == math.inf:
         return 0
     if cell.looks == 0 and cell.floor_m <= h_neg:
         return NO_FLOOR
-    doubt = GATE * math.sqrt(cell.var_m2 + noise)
+    doubt = GATE * math.sqrt(cell.var_m2 + limits.noise_m2)
     if -cell.under_m <= doubt:
         return UNSHOWN if cell.under_m <= h_neg else 0
     if cell.under_m <= h_neg:
@@ -88,28 +83,21 @@ def _is_whole(cell: Record, parts: int, is_framed: bool) -> bool:
 
 
 @kernel
-def _is_seen(cell: Record, k: int, along: int, parts: int) -> bool:
-    """Whether floor was seen in any of the k-th parts of a cell along x (0) or y (1)."""
-    for n in range(parts):
-        if floor_parts(cell) >> (n * parts + k if along == 0 else k * parts + n) & 1:
-            return True
-    return False
-
-
-@kernel
-def is_framed(i: int, j: int, limits: Limits, surface: Surface) -> bool:
+def is_framed(i: int, j: int, surface: Surface) -> bool:
     """Whether what lacks of a world cell's floor, along x and y, is no wider than half a cell.
 
     As where the laser's line jumps on: so narrow a gap, with floor on both sides, is no ditch.
     """
-    cells, parts = surface.cells, limits.parts
+    cells, parts = surface.cells, surface.limits.parts
+    row = (1 << parts) - 1  # bits of a cell's parts
+    column = ((1 << parts * parts) - 1) // row
     for along in range(2):
         run = 0
         for k in range(-parts, 2 * parts):
             n = k // parts
-            near = index_of(i + n * (1 - along), j + n * along, surface)
-            seen = near >= 0 and cells[near].looks > 0
-            seen = seen and _is_seen(cells[near], k - n * parts, along, parts)
+            near, place = index_of(i + n * (1 - along), j + n * along, surface.ring), k - n * parts
+            bits = column << place if along == 0 else row << place * parts
+            seen = near >= 0 and cells[near].looks > 0 and floor_parts(cells[near]) & bits != 0
             run = 0 if seen else run + 1
             if run > parts // 2 and k >= 0 and k - run < parts - 1:  # some of it is in the cell
                 return False
@@ -118,24 +106,24 @@ def is_framed(i: int, j: int, limits: Limits, surface: Surface) -> bool:
 
 @kernel
 def rule_of(
-    cell: Record, shown: int, seen_s: float, oldest_s: float, limits: Limits, noise: float,
+    cell: Record, shown: int, seen_s: float, oldest_s: float, limits: Limits,
     passable: bool = False, framed: bool = False,
 ) -> int:  # fmt: skip
     """Which rule decides a cell: a cause. What was told as obstacle stays so until it is gone.
 
     Args:
-        noise: variance of a return's height where the ground is met.
         passable: what stands in it is soft and low, and nothing hard beside it.
         framed: what lacks of its floor is narrow.
     """
     if cell.var_m2 == math.inf:
         return UNSEEN
-    missing = _missing(cell, limits.h_neg_m, noise)
+    missing = _missing(cell, limits)
     if missing > 0:
         return missing
     stands = cell.stands >= LIKELY or (shown == OBSTACLE and cell.stands > 0.0)
     if stands and not passable:
-        return STANDS if cell.top_m > HIT * math.sqrt(cell.var_m2 + noise) else GUESSED
+        is_high = cell.top_m > HIT * math.sqrt(cell.var_m2 + limits.noise_m2)
+        return STANDS if is_high else GUESSED
     if cell.looks == 0:
         return UNSHOWN
     if cell.tied != TIED:
@@ -150,15 +138,13 @@ def rule_of(
 
 
 @kernel
-def is_passable(at: int, i: int, j: int, limits: Limits, surface: Surface) -> bool:
+def is_passable(at: int, i: int, j: int, surface: Surface) -> bool:
     """Whether what stands in a cell is soft, as low as the settings say, and so all beside it."""
-    cells, cell = surface.cells, surface.cells[at]
-    if limits.soft_m == 0.0 or cell.top_m > limits.soft_m:
-        return False
-    if cell.stands <= CLEAR or cell.soft < LIKELY:
+    cells, cell, soft_m = surface.cells, surface.cells[at], surface.limits.soft_m
+    if soft_m == 0.0 or cell.top_m > soft_m or cell.stands <= CLEAR or cell.soft < LIKELY:
         return False
     for n in range(9):
-        near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface)
+        near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface.ring)
         if near >= 0 and cells[near].stands > 0.0 and cells[near].soft < LIKELY:
             return False
     return True
@@ -167,98 +153,44 @@ def is_passable(at: int, i: int, j: int, limits: Limits, surface: Surface) -> bo
 class Shown(NamedTuple):
     """The planner's window, as kernels are given it."""
 
-    corner_i: int  # world cell with the lowest i and j,
-    corner_j: int
-    turn_i: int  # and its column and row
-    turn_j: int
-    size: int
+    ring: Ring
     cells: I8  # (size * size,) states
     marked: I8  # of those that changed,
     changed: I32  # and their list
-    seen_s: F64  # (cells of the surface,) when a beam met or passed one last
-    oldest_s: float  # what was seen before is too old
-    noise_m2: float  # of a return from level ground
+
+
+def shown_of(window: ObstacleWindow) -> Shown:
+    return Shown(window.grid.ring, window.cells.reshape(-1), window.marked, window.changed)
 
 
 @kernel
-def _place_in(i: int, j: int, shown: Shown) -> int:
-    """Flat index of a world cell in the window; -1: it lies outside."""
-    size, column, row = shown.size, i - shown.corner_i, j - shown.corner_j
-    if not (0 <= column < size and 0 <= row < size):
-        return -1
-    column, row = column + shown.turn_i, row + shown.turn_j
-    column = column - size if column >= size else column
-    row = row - size if row >= size else row
-    return row * size + column
-
-
-@kernel
-def _rule_at(
-    at: int, i: int, j: int, state: int, limits: Limits, surface: Surface, shown: Shown
-) -> int:
+def _rule_at(at: int, i: int, j: int, state: int, surface: Surface) -> int:
     """Which rule decides the cell of a surface that is world cell i, j."""
-    passable = is_passable(at, i, j, limits, surface)
-    cell = surface.cells[at]
-    framed = 0 < ones(floor_parts(cell)) <= row_of(limits.parts)
-    framed = framed and is_framed(i, j, limits, surface)
-    seen_s, oldest_s = shown.seen_s[at], shown.oldest_s
-    return rule_of(cell, state, seen_s, oldest_s, limits, shown.noise_m2, passable, framed)
+    passable, cell, limits = is_passable(at, i, j, surface), surface.cells[at], surface.limits
+    framed = 0 < ones(floor_parts(cell)) <= row_of(limits.parts) and is_framed(i, j, surface)
+    return rule_of(cell, state, surface.seen_s[at], surface.oldest_s, limits, passable, framed)
 
 
 @kernel
-def decide_cells(touched: I32, surface: Surface, limits: Limits, shown: Shown, used: int) -> int:
+def decide_cells(listed: I32, surface: Surface, shown: Shown, used: int) -> int:
     """Decide cells again into the planner's window; how many of it have changed."""
-    for at in touched:
-        i, j = world_cell(at, surface)
-        into = _place_in(i, j, shown)
+    for at in listed:
+        i, j = world_cell(at, surface.ring)
+        into = index_of(i, j, shown.ring)
         if into >= 0:
-            cause = _rule_at(at, i, j, shown.cells[into], limits, surface, shown)
+            cause = _rule_at(at, i, j, shown.cells[into], surface)
             used = put_state(into, _state_of(cause), shown.cells, shown.marked, shown.changed, used)
     return used
 
 
 @kernel
-def _list_causes(i: I64, j: I64, surface: Surface, limits: Limits, shown: Shown, out: U8) -> None:
+def list_causes(i: I64, j: I64, surface: Surface, shown: Shown, out: U8) -> None:
     """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
     for k in range(i.size):
+        at, into = index_of(i[k], j[k], surface.ring), index_of(i[k], j[k], shown.ring)
         out[k] = OUTSIDE
-        into = _place_in(i[k], j[k], shown)
-        if into < 0:
-            continue
-        state, cause = shown.cells[into], UNSEEN
-        at = index_of(i[k], j[k], surface)
-        if at >= 0:
-            cause = _rule_at(at, i[k], j[k], state, limits, surface, shown)
-        out[k] = _shown_cause(cause, _state_of(cause), state)
-
-
-class Decision:
-    """Decides the cells of a surface into a window, which may be smaller."""
-
-    def __init__(
-        self, window: ObstacleWindow, fresh: Freshness, limits: Limits, noise_m2: float
-    ) -> None:
-        self._window, self._fresh, self._limits, self._noise_m2 = window, fresh, limits, noise_m2
-        self._states = window.cells.reshape(-1)
-
-    @property
-    def shown(self) -> Shown:
-        """The window as it is now, for kernels."""
-        window, fresh, grid = self._window, self._fresh, self._window.grid
-        i, j, size = grid.corner_i, grid.corner_j, grid.size
-        return Shown(
-            i, j, i % size, j % size, size, self._states, window.marked,
-            window.changed, fresh.seen_s, fresh.oldest_s, self._noise_m2,
-        )  # fmt: skip
-
-    def causes(self, i: I64, j: I64, surface: Surface) -> U8:
-        """Why the window shows what it does at world cells i, j (n,), by the rules that decide."""
-        found = np.zeros(i.size, dtype=np.uint8)
-        _list_causes(i, j, surface, self._limits, self.shown, found)
-        return found
-
-    def follow(self, x_m: float, y_m: float, source: RingGrid, surface: Surface) -> None:
-        """Move the window with the robot; what enters and is known in the surface is decided."""
-        entered, window = self._window.follow_in(source, x_m, y_m), self._window
-        if entered.size:
-            window.used = decide_cells(entered, surface, self._limits, self.shown, window.used)
+        if into >= 0:
+            state, cause = shown.cells[into], UNSEEN
+            if at >= 0:
+                cause = _rule_at(at, i[k], j[k], state, surface)
+            out[k] = _shown_cause(cause, _state_of(cause), state)

@@ -23,7 +23,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.mapping.surface.cells import Surface, cell_at, from_centre, ground_of
+from core.grid.places import cell_at
+from core.mapping.along import MOST_PLACES
+from core.mapping.surface.cells import Surface, height_over
 from core.mapping.surface.constants import (
     ALIKE_S,
     BINS,
@@ -36,8 +38,8 @@ from core.mapping.surface.constants import (
     SIGMA_STATIC_RAD,
     WITNESSES,
 )
-from core.motion.tilt import TiltFilter
-from core.records import F64
+from core.motion.kalman import Information, correct, join, spread
+from core.records import F64, I32
 from jit import Record, Records, kernel
 
 STATES = 5
@@ -46,21 +48,12 @@ STATES = 5
 class Room(NamedTuple):
     """What an estimate is worked out in."""
 
-    M: F64  # (5, 5) information, and (5,) of what
-    y: F64
-    C: F64  # (5, 5) its root, and (5,) what that tells
-    v: F64
+    told: Information  # by the witnesses
     P: F64  # (5, 5) the covariance with it
     gone: F64  # (5,) how far it has moved since the returns were held against the ground
     h: F64  # (5,)
-    Ph: F64  # (5,)
     bins: F64  # (BINS,) in which returns over a guess are counted
-
-
-def new_room() -> Room:
-    square, line = (STATES, STATES), STATES
-    shapes = (square, line, square, line, square, line, line, line, BINS)
-    return Room(*(np.zeros(shape) for shape in shapes))
+    places: I32  # (MOST_PLACES,) those of a beam
 
 
 @kernel
@@ -71,13 +64,10 @@ def parted_m2(ahead: float, aside: float, age_s: float) -> float:
 
 
 @kernel
-def seen_again_m2(
-    ahead: float, aside: float, travel_m: float, age_s: float, cell: Record, P: F64
-) -> float:
-    """Variance of a height against ground seen before: by the fast part, and by other arms."""
-    arm, side = ahead + travel_m - cell.arm_m, aside - cell.aside_m
-    static = P[3, 3] * arm * arm + 2.0 * P[3, 4] * arm * side + P[4, 4] * side * side
-    return parted_m2(ahead, aside, age_s) + float(static)
+def arms_m2(ahead: float, aside: float, cell: Record, surface: Surface) -> float:
+    """Variance of what the attitude is always off by, in a height seen before with other arms."""
+    arm, side, P = ahead + surface.stand.travel_m - cell.arm_m, aside - cell.aside_m, surface.P
+    return float(P[3, 3] * arm * arm + 2.0 * P[3, 4] * arm * side + P[4, 4] * side * side)
 
 
 @kernel
@@ -115,99 +105,29 @@ def _row(ahead: float, aside: float, travel_m: float, cell: Record, h: F64) -> N
 
 
 @kernel
-def _spread(h: F64, P: F64) -> float:
-    """h P h': variance of what h (5,) tells of the states."""
-    total = 0.0
-    for i in range(STATES):
-        for k in range(STATES):
-            total += h[i] * P[i, k] * h[k]
-    return total
+def roll_on(passed_s: float, surface: Surface, room: Room) -> None:
+    """The wheels on a cell: its ground is under them. Where it was laid, what p was is lost.
 
-
-@kernel
-def _copy(P: F64, to: F64) -> None:
-    """A covariance; an assignment of slices would make an array."""
-    for i in range(STATES):
-        for k in range(STATES):
-            to[i, k] = P[i, k]
-
-
-@kernel
-def _measure(h: F64, off: float, var: float, own: F64, P: F64, Ph: F64) -> None:
-    """Kalman's update by one measurement: h (5,) times the states is more than told by `off`."""
-    S = var
-    for i in range(STATES):
-        Ph[i] = 0.0
-        for k in range(STATES):
-            Ph[i] += P[i, k] * h[k]
-        S += h[i] * Ph[i]
-    for i in range(STATES):
-        own[i] += Ph[i] * off / S
-        for k in range(STATES):
-            P[i, k] -= Ph[i] * Ph[k] / S
-
-
-@kernel
-def _join(own: F64, P: F64, room: Room) -> None:
-    """Information `room.M` (5, 5) and `room.y` (5,) into the filter.
-
-    M = C C' by Cholesky: each column c of C is a measurement of its own, v = c own, of variance 1,
-    where C v = y.
+    passed_s: since the last scan; 0 while the robot stands.
     """
-    M, y, C, v = room.M, room.y, room.C, room.v
-    C[:] = 0.0
-    v[:] = 0.0
-    for k in range(STATES):
-        left, rest = M[k, k], y[k]
-        for m in range(k):
-            left, rest = left - C[k, m] * C[k, m], rest - C[k, m] * v[m]
-        if left <= 1e-12 * M[k, k]:
-            continue  # nothing is said of this state that was not said of those before
-        C[k, k] = math.sqrt(left)
-        v[k] = rest / C[k, k]
-        for i in range(k + 1, STATES):
-            C[i, k] = M[i, k]
-            for m in range(k):
-                C[i, k] -= C[i, m] * C[k, m]
-            C[i, k] /= C[k, k]
-    for k in range(STATES):
-        off = v[k]
-        for i in range(k, STATES):
-            off -= C[i, k] * own[i]
-        _measure(C[:, k], off, 1.0, own, P, room.Ph)
-
-
-@kernel
-def roll_on(
-    x: float, y: float, z: float, travel_m: float, passed_s: float, far_m: float,
-    surface: Surface, P: F64, room: Room,
-) -> None:  # fmt: skip
-    """The wheels on a cell: its ground is under them.
-
-    Args:
-        z: of the odometry. passed_s: since the last scan; 0 while the robot stands.
-        far_m: how far ahead ground is seen first, where what p was then is lost.
-    """
-    at, own = cell_at(x, y, surface), surface.own
+    stand, own, h = surface.stand, surface.own, room.h
+    at = cell_at(stand.x_m, stand.y_m, surface.ring)
     if at < 0 or surface.cells[at].looks == 0 or passed_s <= 0.0:
         return
-    cell, h, cell_m = surface.cells[at], room.h, surface.cell_m
-    _row(0.0, 0.0, travel_m, cell, h)
-    off = z - own[0] - own[3] * travel_m - ground_of(cell, own)
-    off -= cell.slope_x * from_centre(x, cell_m) + cell.slope_y * from_centre(y, cell_m)
-    var = cell.var_m2 + FLAT_M * FLAT_M + (SIGMA_FAST_RAD * far_m) ** 2
-    if off * off > GATE * GATE * (var + _spread(h, P)):
-        return
-    # cells one behind the other were laid with one error
-    _measure(h, off, 2.0 * FAST_S * var / passed_s, own, P, room.Ph)
+    cell = surface.cells[at]
+    _row(0.0, 0.0, stand.travel_m, cell, h)
+    z = stand.z_m - own[0] - own[3] * stand.travel_m
+    off = height_over(cell, stand.x_m, stand.y_m, z, surface)
+    var = cell.var_m2 + FLAT_M * FLAT_M + (SIGMA_FAST_RAD * surface.limits.far_m) ** 2
+    if off * off <= GATE * GATE * (var + spread(h, surface.P)):
+        # cells one behind the other were laid with one error
+        correct(surface.P, own, h, off, 2.0 * FAST_S * var / passed_s, room.told.Ph)
 
 
 @kernel
-def _gather(
-    returns: Records, cells: int, t_s: float, travel_m: float, surface: Surface, P: F64, room: Room
-) -> float:
-    """Sum what the witnesses say into `room.M`, `room.y`; how many of them are of one mind."""
-    h, M, y, gone, total = room.h, room.M, room.y, room.gone, 0.0
+def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float:
+    """Sum what the witnesses say into `room.told`; how many of them are of one mind."""
+    h, M, y, gone, total, stand = room.h, room.told.M, room.told.y, room.gone, 0.0, surface.stand
     M[:] = 0.0
     y[:] = 0.0
     for b in range(returns.size):
@@ -216,15 +136,15 @@ def _gather(
             continue
         cell = surface.cells[one.witness]
         a, s = one.witness_ahead_m, one.witness_aside_m
-        _row(a, s, travel_m, cell, h)
-        age_s = t_s - cell.floor_s
+        _row(a, s, stand.travel_m, cell, h)
+        age_s = stand.t_s - cell.floor_s
         if age_s < FAST_S:  # what differs so soon is the fast part
             h[3] = h[4] = 0.0
         off = one.off_m
         for k in range(STATES):
             off -= h[k] * gone[k]
         var, wandered = cell.var_m2 + FLAT_M * FLAT_M + one.noise_m2, parted_m2(a, s, age_s)
-        share = 1.0 - off * off / (GATE * GATE * (var + wandered + _spread(h, P)))
+        share = 1.0 - off * off / (GATE * GATE * (var + wandered + spread(h, surface.P)))
         if share <= 0.0:
             continue
         w = share * share / (ALIKE_S * var / cells + 2.0 * min(age_s, FAST_S) * wandered)
@@ -237,36 +157,37 @@ def _gather(
 
 
 @kernel
-def set_right(
-    returns: Records, t_s: float, passed_s: float, travel_m: float, surface: Surface, P: F64,
-    room: Room,
-) -> None:  # fmt: skip
-    """Take the sweep's error out of its returns, and note it in `surface.own`, P."""
-    M, y, gone, now = room.M, room.y, room.gone, room.P
+def _copy(P: F64, to: F64) -> None:
+    """A covariance; an assignment of slices would make an array."""
+    for i in range(STATES):
+        for k in range(STATES):
+            to[i, k] = P[i, k]
+
+
+@kernel
+def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -> None:
+    """Take the sweep's error out of its returns, and note it in `surface.own` and `surface.P`."""
+    gone, now, travel_m = room.gone, room.P, surface.stand.travel_m
     cells, last = 0, -1
-    _copy(P, now)
-    gone[:] = 0.0
     for b in range(returns.size):
         witness = returns[b].witness
         cells += witness >= 0 and witness != last
         last = witness
+    gone[:] = 0.0
     for _ in range(ROUNDS):
-        total = _gather(returns, cells, t_s, travel_m, surface, P, room)
-        if total < WITNESSES:
-            _copy(P, now)
-            gone[:] = 0.0
-            break
-        _copy(P, now)
+        total = _gather(returns, cells, surface, room)
+        _copy(surface.P, now)
         gone[:] = 0.0
+        if total < WITNESSES:
+            break
         for i in range(STATES):
-            y[i] *= passed_s / total
+            room.told.y[i] *= passed_s / total
             for k in range(STATES):
-                M[i, k] *= passed_s / total
-        _join(gone, now, room)
-    own = surface.own
+                room.told.M[i, k] *= passed_s / total
+        join(now, gone, room.told)
     for k in range(STATES):
-        own[k] += gone[k]
-    _copy(now, P)
+        surface.own[k] += gone[k]
+    _copy(now, surface.P)
     for b in range(returns.size):
         one = returns[b]
         if one.at < 0:
@@ -274,24 +195,24 @@ def set_right(
         a, s, cell = one.ahead_m, one.aside_m, surface.cells[one.at]
         error = gone[0] + gone[1] * a + gone[2] * s
         one.z_m -= error + gone[3] * (a + travel_m) + gone[4] * s
+        wander = parted_m2(a, s, one.age_s)
         if cell.looks > 0:
             error += gone[3] * (a + travel_m - cell.arm_m) + gone[4] * (s - cell.aside_m)
+            wander += arms_m2(a, s, cell, surface)
+        one.wander_m2 = wander
         one.height_m -= error
         one.near_m -= error
-        if cell.looks > 0:
-            one.wander_m2 = seen_again_m2(a, s, travel_m, one.age_s, cell, P)
-        else:
-            one.wander_m2 = parted_m2(a, s, one.age_s)
 
 
 class SweepFilter:
     """The error of the newest sweep, `own` (5,) and its covariance `P` (5, 5), scan by scan."""
 
-    def __init__(self, far_m: float) -> None:
-        self.far_m = far_m  # where level ground is met
+    def __init__(self) -> None:
         self.own: F64 = np.zeros(STATES)
         self.P: F64 = np.zeros((STATES, STATES))
-        self.room = new_room()
+        (gone, h), places = np.zeros((2, STATES)), np.zeros(MOST_PLACES, np.int32)
+        told, square = Information.of(STATES), np.zeros((STATES, STATES))
+        self.room = Room(told, square, gone, h, np.zeros(BINS), places)
         self._doubted = 0
         self.restart()
 
@@ -308,14 +229,36 @@ class SweepFilter:
         jump(self.P)
         self.restart()
 
-    def follow(self, t_s: float, travel_m: float, tilt: TiltFilter) -> tuple[float, float]:
-        """Time has passed, and way: how much of both since the scan before."""
+    def follow(self, t_s: float, travel_m: float, doubted: int) -> tuple[float, float]:
+        """Time has passed, and way: how much of both since the scan before.
+
+        doubted: how often the tilt filter has gone over to other angles.
+        """
         passed_s, driven_m = t_s - self._last_s, travel_m - self._travel_m
         self._last_s, self._travel_m = t_s, travel_m
         if math.isnan(passed_s):
             return 0.0, 0.0
         forget(passed_s, driven_m, self.own, self.P)
-        if tilt.doubted != self._doubted:
-            self._doubted = tilt.doubted
+        if doubted != self._doubted:
+            self._doubted = doubted
             jump(self.P)
         return passed_s, driven_m
+
+
+class Sway:
+    """The plane on which the robot stands, `slopes` along map x and y; how it sways about that.
+
+    arm_m: lever by which a wheel that lifts the lens tips the body: from the axle to the lens.
+    """
+
+    def __init__(self, arm_m: float) -> None:
+        self.slopes, self._off, self._arm_m = (math.nan, math.nan), 0.0, arm_m
+
+    def follow(self, passed_s: float, slopes: tuple[float, float]) -> float:
+        """The body's own slopes now; variance of the height of the lens by what it sways over."""
+        share = 1.0 - math.exp(-passed_s / ALIKE_S)
+        (ax, ay), (bx, by) = slopes if math.isnan(self.slopes[0]) else self.slopes, slopes
+        self.slopes = (ax + share * (bx - ax), ay + share * (by - ay))
+        off = math.hypot(bx - self.slopes[0], by - self.slopes[1])
+        self._off = max(off, (1.0 - share) * self._off)
+        return FLAT_M**2 + (self._arm_m * self._off) ** 2

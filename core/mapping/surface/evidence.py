@@ -1,74 +1,75 @@
-"""What the beams of a sweep say of the cells where they end.
+"""What the beams of a sweep say of the cells where they end, and what these are tied to.
 
 A scan has one vote a cell, the highest of its beams': a hit outweighs a beam that passes beside it.
 Ground that is met is a Kalman filter's, with what the attitude has wandered since as its noise:
 
     gain = aged / (aged + noise),  ground += gain (z - ground),  var = (1 - gain) aged
 
+Ground inherits what it is tied to from the ground that told it: to that on which the wheels roll,
+to a step, or to nothing yet. It is joined to what lies beside it, without a step, along a front as
+wide as a robot. Where ground is tied, loose ground around it may be tied in turn.
+
+What stands is soft, as grass is, if first echoes from it have another one behind them and lie off
+the middle of both their neighbours. It is hard if last echoes lie where their neighbours' do, also
+those behind what is soft. The edge of a hard thing parts beams as well; but beside an upright one a
+neighbour goes far past, and a level one is met at even ranges.
+
 Source: docs/method.md, section 4.
 """
 
 import math
 
-from core.grid.places import ones, part_bit
+from core.grid.places import cell_at, index_of, ones, part_bit, world_cell
 from core.mapping.surface.cells import (
     APART,
     LOOSE,
     MOST_LOOKS,
+    NEWLY_TIED,
     PART_BITS,
+    SAW_FLOOR,
     TIED,
+    VOTED,
+    WENT_UNDER,
+    Plane,
     Surface,
-    cell_at,
     floor_parts,
     ground_of,
-    index_of,
     plane_at,
+    plane_of,
     row_of,
+    touch,
     under_parts,
-    world_cell,
 )
 from core.mapping.surface.constants import (
     ALIKE_S,
     CLEAR,
     FLAT_M,
+    FRONT,
     GATE,
+    HARD,
     HIT,
     LEAST,
+    LET_IN,
     LOWERED,
     MOST,
     PASS_THROUGH,
+    REACH,
     SIGMA_RANGE_M,
     STEEPEST,
+    STOPPED,
     THING_M,
 )
 from core.mapping.surface.error import parted_m2
-from core.mapping.surface.soft import softness
-from core.mapping.surface.sweep import (
-    ABOVE,
-    BELOW,
-    FLOOR,
-    HIGH,
-    Beams,
-    Stand,
-)
-from core.mapping.surface.ties import tie
-from core.mapping.surface.touched import (
-    NEWLY_TIED,
-    SAW_FLOOR,
-    VOTED,
-    WENT_UNDER,
-    Limits,
-    Touched,
-    touch,
-)
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams
 from core.records import F64
 from jit import Record, kernel
 
 
 @kernel
-def vote(cell: Record, slot: int, say: float, touched: Touched) -> None:
-    """Of a scan's votes on a cell, touched before, the highest counts."""
-    before = 0.0
+def vote(at: int, say: float, surface: Surface) -> None:
+    """Of a scan's votes on a cell, the highest counts."""
+    cell, touched = surface.cells[at], surface.touched
+    slot, before = touch(at, touched), 0.0
     if not touched.bits[slot] & VOTED:
         touched.bits[slot] |= VOTED
         before = cell.stands
@@ -83,29 +84,19 @@ def vote(cell: Record, slot: int, say: float, touched: Touched) -> None:
 
 
 @kernel
-def lower(cell: Record, slot: int, part: int, depth: float, touched: Touched) -> None:
+def lower(at: int, part: int, depth: float, surface: Surface) -> None:
     """A beam was so far over the ground, less than none: half of it is believed at once.
 
     Where floor was seen, it is the beam that errs.
     """
+    cell, slot = surface.cells[at], touch(at, surface.touched)
     if floor_parts(cell) & part:
         return
     cell.parts |= part << PART_BITS
     before = 0.0 if cell.under_m == math.inf else cell.under_m
-    if depth < before and not touched.bits[slot] & WENT_UNDER:
-        touched.bits[slot] |= WENT_UNDER
+    if depth < before and not surface.touched.bits[slot] & WENT_UNDER:
+        surface.touched.bits[slot] |= WENT_UNDER
         cell.under_m = before + LOWERED * (depth - before)
-
-
-@kernel
-def _lay(cell: Record, z: float, gain: float, one: Record, stand: Stand, own: F64) -> float:
-    """Move a cell's ground towards a height z, seen now; by how much it moves."""
-    arm, aside = one.ahead_m + stand.travel_m, one.aside_m
-    move = gain * (z - ground_of(cell, own))
-    cell.ground_m += gain * (z + own[3] * arm + own[4] * aside - cell.ground_m)
-    cell.arm_m += gain * (arm - cell.arm_m)
-    cell.aside_m += gain * (aside - cell.aside_m)
-    return move
 
 
 @kernel
@@ -118,96 +109,154 @@ def stay(cell: Record, move: float) -> None:
 
 
 @kernel
-def _see_floor(
-    at: int, slot: int, one: Record, z: float, stand: Stand, limits: Limits, surface: Surface,
-    touched: Touched,
-) -> None:  # fmt: skip
+def expect(cell: Record, plane: Plane, ahead: float, aside: float, surface: Surface) -> None:
+    """Ground that is not seen yet, at a cell's centre."""
+    own = surface.own
+    cell.arm_m, cell.aside_m = ahead + surface.stand.travel_m, aside
+    cell.ground_m = plane.z_m + own[3] * cell.arm_m + own[4] * cell.aside_m
+    cell.var_m2, cell.floor_s = plane.var_m2, plane.seen_s
+    cell.slope_x, cell.slope_y = plane.slope_x, plane.slope_y
+
+
+@kernel
+def tie(at: int, i: int, j: int, surface: Surface) -> None:
+    """Tie the ground of a cell, at world cell i, j, by that around it, if it can be.
+
+    It is joined along a front as wide as a robot, no less, and not where more ground within two
+    cells is a step off than joins it: no wheel climbs that.
+    """
+    cells, own, limits = surface.cells, surface.own, surface.limits
+    cell, ground = cells[at], ground_of(cells[at], own)
+    joined = apart = against = 0
+    for dj in range(-REACH, REACH + 1):
+        for di in range(-REACH, REACH + 1):
+            near = index_of(i + di, j + dj, surface.ring)
+            if near < 0 or near == at or cells[near].looks == 0:
+                continue
+            if not limits.h_neg_m < ground - ground_of(cells[near], own) < limits.h_pos_m:
+                against += cells[near].tied == TIED
+            elif max(abs(di), abs(dj)) == 1:
+                joined += cells[near].tied == TIED
+                apart += cells[near].tied == APART
+    if joined >= FRONT and joined > against:
+        if cell.tied != TIED:  # what is loose around it may be tied by it in turn
+            surface.touched.bits[touch(at, surface.touched)] |= NEWLY_TIED
+        cell.tied = TIED
+    elif apart > joined:
+        cell.tied = APART
+
+
+@kernel
+def spread_ties(surface: Surface) -> None:
+    """Ground that was seen before is reached over what has been tied now."""
+    touched, k = surface.touched, 0
+    while k < touched.used[0]:  # grows as cells are tied
+        if touched.bits[k] & NEWLY_TIED:
+            i, j = world_cell(touched.at[k], surface.ring)
+            for n in range(9):
+                ni, nj = i + n % 3 - 1, j + n // 3 - 1
+                near = index_of(ni, nj, surface.ring)
+                if near >= 0 and surface.cells[near].looks > 0 and surface.cells[near].tied != TIED:
+                    tie(near, ni, nj, surface)
+        k += 1
+
+
+@kernel
+def _lay(cell: Record, z: float, gain: float, one: Record, surface: Surface) -> float:
+    """Move a cell's ground towards a height z, seen now; by how much it moves."""
+    arm, aside, own = one.ahead_m + surface.stand.travel_m, one.aside_m, surface.own
+    move = gain * (z - ground_of(cell, own))
+    cell.ground_m += gain * (z + own[3] * arm + own[4] * aside - cell.ground_m)
+    cell.arm_m += gain * (arm - cell.arm_m)
+    cell.aside_m += gain * (aside - cell.aside_m)
+    return move
+
+
+@kernel
+def _see_floor(at: int, one: Record, z: float, surface: Surface) -> None:
     """Floor at height z at a cell's centre: the errors of one scan come together, count once."""
-    cell, own = surface.cells[at], surface.own
-    touched.bits[slot] |= SAW_FLOOR
-    aged, since_s = cell.var_m2, stand.t_s - cell.floor_s
+    cell, limits, t_s = surface.cells[at], surface.limits, surface.stand.t_s
+    aged, since_s = cell.var_m2, t_s - cell.floor_s
     if cell.looks > 0:
         aged += parted_m2(one.ahead_m, one.aside_m, since_s)
     gain = aged / (aged + one.noise_m2)
-    move = _lay(cell, z, gain, one, stand, own)
+    move = _lay(cell, z, gain, one, surface)
     if since_s < ALIKE_S:  # else all of it was seen by another attitude
         stay(cell, move)
-    cell.var_m2 = (1.0 - gain) * aged
-    cell.floor_s = stand.t_s
-    if cell.looks == 0:  # until then it was that of ground beyond it
-        cell.floor_m = math.inf
+    cell.var_m2, cell.floor_s = (1.0 - gain) * aged, t_s
     cell.looks = min(MOST_LOOKS, cell.looks + 1)
-    i, j = world_cell(at, surface)
+    i, j = world_cell(at, surface.ring)
     if cell.looks & (cell.looks - 1) == 0:  # the first, second, fourth, eighth...
-        plane = plane_at(i, j, stand.x_m, stand.y_m, surface)
+        plane = plane_at(i, j, surface)
         cell.slope_x, cell.slope_y = plane.slope_x, plane.slope_y
     if cell.looks == 1:
+        cell.floor_m = math.inf  # until then it was that of ground beyond it
         doubt = GATE * math.sqrt(one.var_m2)
         is_joined = limits.h_neg_m + doubt < one.height_m < limits.h_pos_m - doubt
         cell.tied = one.tied if is_joined or one.tied == APART else LOOSE
         if cell.tied == TIED:
-            touched.bits[slot] |= NEWLY_TIED
+            surface.touched.bits[touch(at, surface.touched)] |= NEWLY_TIED
     if cell.tied != TIED:
-        tie(at, i, j, limits, surface, touched)
+        tie(at, i, j, surface)
 
 
 @kernel
-def _see_part(at: int, part: int, limits: Limits, surface: Surface, touched: Touched) -> None:
+def _see_part(at: int, part: int, surface: Surface) -> None:
     """Floor in a part of a cell, which may frame the cells beside it."""
     cells = surface.cells
     if floor_parts(cells[at]) & part:
         return
     cells[at].parts |= part
-    i, j = world_cell(at, surface)
+    i, j = world_cell(at, surface.ring)
     for di, dj in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-        near = index_of(i + di, j + dj, surface)
-        if near >= 0 and 0 < ones(floor_parts(cells[near])) <= row_of(limits.parts):
-            touch(near, touched)
+        near = index_of(i + di, j + dj, surface.ring)
+        if near >= 0 and 0 < ones(floor_parts(cells[near])) <= row_of(surface.limits.parts):
+            touch(near, surface.touched)
 
 
 @kernel
 def _end_on_floor(
-    at: int, slot: int, part: int, one: Record, z: float, is_step: bool, stand: Stand,
-    limits: Limits, surface: Surface, touched: Touched,
-) -> None:  # fmt: skip
+    at: int, part: int, one: Record, z: float, is_step: bool, surface: Surface
+) -> None:
     """A return from floor."""
-    cell = surface.cells[at]
+    cell, slot, limits = surface.cells[at], touch(at, surface.touched), surface.limits
     one.kind = FLOOR
     if is_step:  # what was expected is worth nothing
-        stay(cell, _lay(cell, z, 1.0, one, stand, surface.own))
+        stay(cell, _lay(cell, z, 1.0, one, surface))
         cell.var_m2 = one.noise_m2
         one.tied = APART if one.height_m <= limits.h_neg_m else LOOSE
-    if not touched.bits[slot] & SAW_FLOOR:
-        _see_floor(at, slot, one, z, stand, limits, surface, touched)
-    touched.seen_s[at] = stand.t_s
+    if not surface.touched.bits[slot] & SAW_FLOOR:
+        surface.touched.bits[slot] |= SAW_FLOOR
+        _see_floor(at, one, z, surface)
+    surface.seen_s[at] = surface.stand.t_s
     cell.floor_m = min(cell.floor_m, z - ground_of(cell, surface.own))
-    _see_part(at, part, limits, surface, touched)
+    _see_part(at, part, surface)
     if cell.under_m < math.inf and under_parts(cell) & ~floor_parts(cell) == 0:
         cell.parts, cell.under_m = floor_parts(cell), math.inf
     rests = cell.low_m < limits.h_pos_m
-    vote(cell, slot, PASS_THROUGH if cell.stands > 0.0 and rests else 0.0, touched)
+    vote(at, PASS_THROUGH if cell.stands > 0.0 and rests else 0.0, surface)
 
 
 @kernel
-def _goes_on(at: int, z: float, doubt: float, ray: F64, one: Record, surface: Surface) -> bool:
+def _goes_on(at: int, one: Record, ray: F64, surface: Surface) -> bool:
     """Whether the ground is as low already in the cell before that of a return.
 
     Not so near the seam of both that a face there has its returns on both sides of it.
     """
-    level = math.hypot(ray[0], ray[1])
+    level, doubt = math.hypot(ray[0], ray[1]), GATE * math.sqrt(one.noise_m2)
     dx, dy, seam = ray[0] / level, ray[1] / level, GATE * SIGMA_RANGE_M
-    if cell_at(one.x_m - seam * dx, one.y_m - seam * dy, surface) != at:
+    if cell_at(one.x_m - seam * dx, one.y_m - seam * dy, surface.ring) != at:
         return False
-    step = surface.cell_m
-    before = cell_at(one.x_m - step * dx, one.y_m - step * dy, surface)
+    step = surface.ring.cell_m
+    before = cell_at(one.x_m - step * dx, one.y_m - step * dy, surface.ring)
     if before < 0 or before == at:
         return False
     cell = surface.cells[before]
-    return bool(abs(cell.low_m + ground_of(cell, surface.own) - z) < doubt)
+    return bool(abs(cell.low_m + ground_of(cell, surface.own) - one.z_m) < doubt)
 
 
 @kernel
-def _stand(at: int, h: float, one: Record, surface: Surface, touched: Touched) -> None:
+def _stand(at: int, h: float, one: Record, surface: Surface) -> None:
     """Something has a return at a height h, low_m and top_m its lowest and highest.
 
     A grain of dust stands above what it is met over: alone, it widens nothing.
@@ -218,101 +267,108 @@ def _stand(at: int, h: float, one: Record, surface: Surface, touched: Touched) -
         cell.low_m = cell.top_m = h
     elif one.is_lone == 0 or cell.low_m - THING_M <= h <= cell.top_m + THING_M:
         cell.low_m, cell.top_m = min(cell.low_m, h), max(cell.top_m, h)
-    touched.tall[at] = cell.stands > CLEAR
+    surface.tall[at] = cell.stands > CLEAR
 
 
 @kernel
-def _rise(at: int, one: Record, surface: Surface, touched: Touched) -> None:
+def _rise(at: int, one: Record, surface: Surface) -> None:
     """Over ground that is a guess, it stands what rises in its place more steeply than ground."""
     cell = surface.cells[at]
-    _stand(at, one.z_m - ground_of(cell, surface.own), one, surface, touched)
-    steepest = STEEPEST * surface.cell_m + GATE * math.sqrt(2.0 * one.noise_m2)
+    _stand(at, one.z_m - ground_of(cell, surface.own), one, surface)
+    steepest = STEEPEST * surface.ring.cell_m + GATE * math.sqrt(2.0 * one.noise_m2)
     if cell.top_m - cell.low_m > steepest:
         one.kind = ABOVE
-        vote(cell, touch(at, touched), HIT, touched)
+        vote(at, HIT, surface)
 
 
 @kernel
-def _end(
-    at: int, one: Record, ray: F64, stand: Stand, limits: Limits, surface: Surface,
-    touched: Touched,
-) -> None:  # fmt: skip
+def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     """A return into the cell where it lies: as floor, above it or below."""
-    cell, own, h, cell_m = surface.cells[at], surface.own, one.height_m, surface.cell_m
-    slope = one.slope_x * one.from_x + one.slope_y * one.from_y
-    z, sigma = one.z_m - slope, math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
-    higher = limits.h_pos_m + (0.0 if one.is_face else GATE * sigma)
-    is_guess = one.var_m2 > limits.guess_m2 and h < higher
+    cell, own, limits, stand = surface.cells[at], surface.own, surface.limits, surface.stand
+    h, z = one.height_m, one.z_m - (one.slope_x * one.from_x + one.slope_y * one.from_y)
+    sigma = math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
+    is_guess = one.var_m2 > limits.guess_m2
+    is_guess = is_guess and h < limits.h_pos_m + (0.0 if one.is_face else GATE * sigma)
     if is_guess and h < 0.0:
         return  # it tells nothing, over ground that is a guess
     if cell.var_m2 == math.inf:
-        expect(cell, z - h, one.var_m2, one.ahead_m, one.aside_m, stand, own)
-        cell.slope_x, cell.slope_y = one.slope_x, one.slope_y
-        cell.floor_s = stand.t_s - one.age_s
+        a, b, seen_s, var = one.slope_x, one.slope_y, stand.t_s - one.age_s, one.var_m2
+        plane = plane_of(z - h, a, b, var, seen_s, one.tied, True)
+        expect(cell, plane, one.ahead_m, one.aside_m, surface)
     if is_guess:
-        _rise(at, one, surface, touched)
+        _rise(at, one, surface)
         return
-    slot, part = touch(at, touched), part_bit(one.x_m, one.y_m, cell_m, limits.parts)
+    touch(at, surface.touched)
+    part = part_bit(one.x_m, one.y_m, surface.ring.cell_m, limits.parts)
     doubt = GATE * math.sqrt(one.near_var_m2 + one.wander_m2 + one.noise_m2)
+    if under_parts(cell) & part:
+        doubt /= GATE  # seen lower before: only what is as high as it should be is floor
+    is_step, is_lower = abs(h) > GATE * sigma, cell.looks == 0 and one.near_m < -doubt
     drift = 0.0
     if cell.looks > 0 and cell.floor_s < stand.t_s:
         drift = parted_m2(one.ahead_m, one.aside_m, stand.t_s - cell.floor_s)
     rise = min(limits.h_pos_m, GATE * math.sqrt(one.noise_m2 + drift))
-    if under_parts(cell) & part:
-        doubt /= GATE  # seen lower before: only what is as high as it should be is floor
-    is_lower = cell.looks == 0 and one.near_m < -doubt
-    goes_on = is_lower and one.is_face == 0
-    goes_on = goes_on and _goes_on(at, one.z_m, GATE * math.sqrt(one.noise_m2), ray, one, surface)
-    is_step = abs(h) > GATE * sigma
     most = limits.h_pos_m if one.is_before else min(limits.h_pos_m, GATE * sigma)
-    if (h <= limits.h_neg_m and is_step and not goes_on) or (is_lower and not goes_on):
+    if ((h <= limits.h_neg_m and is_step) or is_lower) and not (
+        is_lower and one.is_face == 0 and _goes_on(at, one, ray, surface)
+    ):
         one.kind = BELOW
         cell.low_m = min(cell.low_m, h)
-        lower(cell, slot, part, z - ground_of(cell, own), touched)
+        lower(at, part, z - ground_of(cell, own), surface)
     elif h < most and one.is_face == 0 and z - ground_of(cell, own) <= cell.floor_m + rise:
-        is_step = is_step and cell.looks == 0
-        _end_on_floor(at, slot, part, one, z, is_step, stand, limits, surface, touched)
+        _end_on_floor(at, part, one, z, is_step and cell.looks == 0, surface)
     else:
         one.kind = ABOVE
-        vote(cell, slot, max(0.0, min(HIT, (h - limits.h_pos_m) / sigma)), touched)
-        _stand(at, h, one, surface, touched)
+        vote(at, max(0.0, min(HIT, (h - limits.h_pos_m) / sigma)), surface)
+        _stand(at, h, one, surface)
 
 
 @kernel
-def expect(
-    cell: Record, z: float, var_m2: float, ahead: float, aside: float, stand: Stand, own: F64
-) -> None:
-    """Ground that is not seen yet."""
-    cell.arm_m, cell.aside_m = ahead + stand.travel_m, aside
-    cell.ground_m = z + own[3] * cell.arm_m + own[4] * cell.aside_m
-    cell.var_m2 = var_m2
+def _last_m(ranges_m: F64, b: int) -> float:
+    """The last echo of a beam; NaN: none."""
+    last = ranges_m[0, b]
+    for k in range(1, ranges_m.shape[0]):
+        if ranges_m[k, b] > last:
+            last = ranges_m[k, b]
+    return float(last)
 
 
 @kernel
-def _tell_soft(one: Record, say: float, limits: Limits, surface: Surface, touched: Touched) -> None:
-    """Whether what stands in a cell lets beams in, which counts for those around it as well."""
-    cell = surface.cells[one.at]
-    cell.soft = min(2.0 * MOST, cell.soft + say)  # soon hard, if something lies down in it
-    if limits.soft_m > 0.0:
-        i, j = world_cell(one.at, surface)
-        for n in range(9):
-            near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface)
-            if near >= 0:
-                touch(near, touched)
+def softness(ranges_m: F64, b: int) -> float:
+    """What the first of a beam's echoes says of what it met: whether that lets beams in.
+
+    ranges_m (echoes, n): it, and those behind it.
+    """
+    r, alike = ranges_m[0, b], GATE * math.sqrt(1.5) * SIGMA_RANGE_M
+    before, after = max(0, b - 1), min(ranges_m.shape[1] - 1, b + 1)
+    if not _last_m(ranges_m, b) - r > THING_M:
+        is_met = before < b and abs(_last_m(ranges_m, before) - r) < alike
+        is_met = is_met or (after > b and abs(_last_m(ranges_m, after) - r) < alike)
+        return HARD if is_met else STOPPED
+    one, other = ranges_m[0, before], ranges_m[0, after]
+    are_beside = max(abs(one - r), abs(other - r)) < 2.0 * THING_M
+    scatters = abs(r - 0.5 * (one + other)) > alike
+    return LET_IN if before < b < after and are_beside and scatters else STOPPED
 
 
 @kernel
-def end_beams(
-    beams: Beams, stand: Stand, limits: Limits, surface: Surface, touched: Touched
-) -> None:
-    """Each return into the cell where it lies."""
+def end_beams(beams: Beams, surface: Surface) -> None:
+    """Each return into the cell where it lies; and whether what stands there lets beams in."""
     for b in range(beams.returns.size):
         one = beams.returns[b]
         if one.at < 0:
             continue
-        if one.height_m > limits.height_m:
+        if one.height_m > surface.limits.height_m:
             one.kind = HIGH
-        else:
-            _end(one.at, one, beams.rays[b], stand, limits, surface, touched)
-            if one.kind == ABOVE:
-                _tell_soft(one, softness(beams.ranges_m, b), limits, surface, touched)
+            continue
+        _end(one.at, one, beams.rays[b], surface)
+        if one.kind != ABOVE:
+            continue
+        cell = surface.cells[one.at]  # soon hard, if something lies down in it
+        cell.soft = min(2.0 * MOST, cell.soft + softness(beams.ranges_m, b))
+        if surface.limits.soft_m > 0.0:  # it counts for the cells around as well
+            i, j = world_cell(one.at, surface.ring)
+            for n in range(9):
+                near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface.ring)
+                if near >= 0:
+                    touch(near, surface.touched)

@@ -16,37 +16,46 @@ from core.grid.places import parts_of
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.along import REACH_M
-from core.mapping.body import body_pose_at
+from core.mapping.body import BodyPose, body_pose_at
 from core.mapping.causes import BEYOND_STEP, NO_FLOOR
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, ages_at, at_cells, state_view, states_at, view_of
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
-from core.mapping.surface.cells import BLANK, CELL, LOOSE, TIED, Cells, Ground, Surface
+from core.mapping.surface import constants
+from core.mapping.surface.cells import (
+    BLANK,
+    CELL,
+    LOOSE,
+    PLANE,
+    PLANES,
+    TIED,
+    Cells,
+    Limits,
+    Surface,
+    Touched,
+)
 from core.mapping.surface.constants import CLEAR, FLAT_M, GUESS, LIKELY, WITNESSES
-from core.mapping.surface.decision import Decision, Shown, decide_cells
-from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
-from core.mapping.surface.evidence import end_beams
+from core.mapping.surface.decision import Shown, decide_cells, list_causes, shown_of
+from core.mapping.surface.error import Room, Sway, SweepFilter, roll_on, set_right
+from core.mapping.surface.evidence import end_beams, spread_ties
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import (
     RETURN,
     Beams,
-    Stand,
-    Sway,
     agree,
     find_faces,
     find_witnesses,
     hold,
     noise_m2,
 )
-from core.mapping.surface.ties import spread_ties
-from core.mapping.surface.touched import Limits, Touched, none_touched
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, I32, I64, PointSweep, Scan
+from core.records import F64, I32, I64, U8, PointSweep, Scan
 from jit import kernel, records, with_fields
 
+AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
 EVIDENCE = {  # fields of a cell, by what they tell
     "scans that saw its floor": "looks",
     "log-odds that something stands in it": "stands",
@@ -56,8 +65,8 @@ EVIDENCE = {  # fields of a cell, by what they tell
 
 @kernel
 def take_sweep(
-    first: Beams, behind: Beams, stand: Stand, passed_s: float, guess: int, limits: Limits,
-    surface: Surface, P: F64, room: Room, touched: Touched, shown: Shown, used: int,
+    first: Beams, behind: Beams, passed_s: float, guess: int, surface: Surface, room: Room,
+    shown: Shown, used: int,
 ) -> tuple[int, int]:  # fmt: skip
     """A sweep's first echoes, and what ends behind those; the first ones alone set it right.
 
@@ -68,55 +77,75 @@ def take_sweep(
     Returns:
         How many returns there are, and how many cells of the window have changed (before: `used`).
     """
+    touched = surface.touched
     touched.used[0] = 0
-    count = hold(first, stand, limits.h_pos_m, surface)
+    count = hold(first, surface)
     find_faces(first.returns)
-    agree(first.returns, guess, limits, room.bins)
-    find_witnesses(first, stand, surface)
-    set_right(first.returns, stand.t_s, passed_s, stand.travel_m, surface, P, room)
-    end_beams(first, stand, limits, surface, touched)
+    agree(first.returns, guess, surface.limits, room.bins)
+    find_witnesses(first, surface)
+    set_right(first.returns, passed_s, surface, room)
+    end_beams(first, surface)
     if behind.returns.size > 0:
-        count += hold(behind, stand, limits.h_pos_m, surface)
+        count += hold(behind, surface)
         find_faces(behind.returns)
-        set_right(behind.returns, stand.t_s, passed_s, stand.travel_m, surface, P, room)
-        end_beams(behind, stand, limits, surface, touched)
-    follow_beams(first, stand, limits, surface, P, touched)
-    spread_ties(limits, surface, touched)
-    return count, decide_cells(touched.at[: touched.used[0]], surface, limits, shown, used)
+        set_right(behind.returns, passed_s, surface, room)
+        end_beams(behind, surface)
+    follow_beams(first, surface, room.places)
+    spread_ties(surface)
+    return count, decide_cells(touched.at[: touched.used[0]], surface, shown, used)
+
+
+def limits_of(config: Config) -> Limits:
+    """What the settings tell, worked out once."""
+    scanner, obstacle, mount_z_m = config.scanner, config.obstacle, config.scanner.mount_z_m
+    tilt_rad = math.radians(max(0.0, scanner.mount_tilt_deg))
+    far_m = mount_z_m / max(math.tan(tilt_rad), mount_z_m / REACH_M)
+    away_m = math.hypot(mount_z_m, far_m)
+    return Limits(
+        h_pos_m=obstacle.h_pos_m,
+        h_neg_m=obstacle.h_neg_m,
+        height_m=config.robot.height_m,
+        soft_m=obstacle.soft_free_below_m,
+        guess_m2=(GUESS * obstacle.h_pos_m) ** 2,
+        noise_m2=noise_m2(away_m, mount_z_m / away_m, FLAT_M**2),
+        far_m=far_m,
+        rises=0.5 * mount_z_m / far_m,
+        parts=parts_of(config.map.cell_m),
+        block=max(1, round(constants.REACH_M / config.map.cell_m)),
+    )
 
 
 class SurfaceMaps:
     """The maps of one run, kept up scan by scan."""
 
     def __init__(self, config: Config) -> None:
-        scanner, obstacle, robot = config.scanner, config.obstacle, config.robot
-        spec = scanner.options.spec
-        tilt_rad = math.radians(max(0.0, scanner.mount_tilt_deg))
-        far_m = scanner.mount_z_m / max(math.tan(tilt_rad), scanner.mount_z_m / REACH_M)
-        rises, away_m = 0.5 * scanner.mount_z_m / far_m, math.hypot(scanner.mount_z_m, far_m)
+        scanner, robot, window_cells = config.scanner, config.robot, config.obstacle.window_cells
+        beams = scanner.options.spec.max_beams
         self._geometry = BeamGeometry.of(scanner)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
         self.cells: Cells = self.grid.layer(CELL, BLANK)
-        self._flat = with_fields(self.cells.reshape(-1))
-        self.window = ObstacleWindow(obstacle.window_cells, config.map.cell_m)
+        self.window = ObstacleWindow(window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
-        self.fresh = Freshness(self.grid, obstacle.free_max_age_s, footprint)
-        parts = parts_of(config.map.cell_m)
-        self._limits = Limits(
-            obstacle.h_pos_m, obstacle.h_neg_m, robot.height_m, (GUESS * obstacle.h_pos_m) ** 2,
-            math.sqrt(2.0) * far_m, parts, obstacle.soft_free_below_m,
-        )  # fmt: skip
-        noise = noise_m2(away_m, scanner.mount_z_m / away_m, FLAT_M**2)
-        self._decision = Decision(self.window, self.fresh, self._limits, noise)
-        self._error = SweepFilter(far_m)
-        self._ground = Ground(self._flat, self.grid.size, self.grid.cell_m, rises, self._error.own)
-        self._sway = Sway(scanner.mount_x_m)
-        tall = self.grid.layer(np.uint8, 0).reshape(-1)
-        self._touched = none_touched(tall, self.fresh.seen_s)
-        self._returns = [records(RETURN, spec.max_beams) for _ in range(2)]
+        self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
+        self._error, self._sway = SweepFilter(), Sway(scanner.mount_x_m)
+        self._surface = Surface(
+            cells=with_fields(self.cells.reshape(-1)),
+            tall=self.grid.layer(np.uint8, 0).reshape(-1),
+            seen_s=self.fresh.seen_s,
+            oldest_s=-math.inf,
+            ring=self.grid.ring,
+            limits=limits_of(config),
+            stand=AT_START,
+            own=self._error.own,
+            P=self._error.P,
+            touched=Touched.none(self.cells.size),
+            planes=records(PLANE, PLANES * PLANES),
+            scan=np.zeros(1, np.int64),
+        )
+        self._returns = [records(RETURN, beams) for _ in range(2)]
         for echo in self._returns:
             echo["witness"] = -1
-        self._faces = FaceMatcher(self.grid, spec.max_beams)
+        self._faces = FaceMatcher(self.grid, beams)
         self._anchored = False  # some ground is tied to that under the wheels
 
     def warm(self) -> None:
@@ -124,7 +153,7 @@ class SurfaceMaps:
         nothing = np.zeros(0, dtype=np.int32)
         self.window.put(nothing, np.zeros(0, dtype=np.int8))
         self._error.warm()
-        decide_cells(nothing, self._surface, self._limits, self._decision.shown, 0)
+        decide_cells(nothing, self._surface, shown_of(self.window), 0)
         self.causes(nothing.astype(np.int64), nothing.astype(np.int64))
 
     @property
@@ -133,52 +162,50 @@ class SurfaceMaps:
         own = self._error.own
         return float(own[2] + own[4]), float(-own[1] - own[3])
 
-    @property
-    def _surface(self) -> Surface:
-        return self._ground.surface(self.grid.corner_i, self.grid.corner_j)
-
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a sweep that attitude and odometry cover; how many returns it had."""
         sweep = self._geometry.cast(scan, attitudes, odometry)
         body = body_pose_at(sweep.t_s, attitudes, odometry)
-        passed_s, driven_m = self._error.follow(sweep.t_s, body.travel_m, attitudes.tilt)
+        passed_s, driven_m = self._error.follow(sweep.t_s, body.travel_m, attitudes.tilt.doubted)
         lens_m2 = self._sway.follow(passed_s, body.slopes)
         self.grid.follow(body.x_m, body.y_m)
-        surface, own, P = self._surface, self._error.own, self._error.P
         self.fresh.follow(sweep.t_s, body.x_m, body.y_m, body.heading)
-        self._decision.follow(body.x_m, body.y_m, self.grid, surface)
-        place = (body.x_m, body.y_m, body.z_m, body.travel_m)
-        roll_on(
-            *place, passed_s if driven_m else 0.0, self._error.far_m, surface, P, self._error.room
-        )
+        surface, window = self._stand(body), self.window
+        entered = window.follow_in(self.grid, body.x_m, body.y_m)
+        shown, room = shown_of(window), self._error.room
+        if entered.size:
+            window.used = decide_cells(entered, surface, shown, window.used)
+        roll_on(passed_s if driven_m else 0.0, surface, room)
+        own, n, ranges_m = self._error.own, len(sweep.rays), sweep.ranges_m
         z_m = body.z_m - own[0] - own[3] * body.travel_m
-        stand = Stand(
-            body.x_m, body.y_m, z_m, *self._sway.slopes, *body.heading, sweep.t_s, body.travel_m
-        )
-        self._sway.stand = stand
-        n, ranges_m = len(sweep.rays), sweep.ranges_m
+        surface = self._stand(body._replace(z_m=z_m, slopes=self._sway.slopes))
         first, behind = (
-            Beams(
-                sweep.origins, sweep.rays, ranges_m[k:], returns[: n * (k < len(ranges_m))], lens_m2
-            )
-            for k, returns in enumerate(self._returns)
+            Beams(sweep.origins, sweep.rays, ranges_m[k:], of[: n * (k < len(ranges_m))], lens_m2)
+            for k, of in enumerate(self._returns)
         )
-        self._touched = self._touched._replace(oldest_s=self.fresh.oldest_s)
-        count, self.window.used = take_sweep(
-            first, behind, stand, passed_s, LOOSE if self._anchored else TIED, self._limits,
-            surface, P, self._error.room, self._touched, self._decision.shown,
-            self.window.used,
-        )  # fmt: skip
+        guess = LOOSE if self._anchored else TIED
+        count, window.used = take_sweep(
+            first, behind, passed_s, guess, surface, room, shown, window.used
+        )
         if not self._anchored:
-            seen = surface.cells[self._touched.at[: self._touched.used[0]]]
+            seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]
             self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > WITNESSES
         self._faces.set_right(sweep, first.returns["height_m"], body, odometry, is_sure=True)
-        self.fresh.expire(self.window)
+        self.fresh.expire(window)
         return count
 
+    def _stand(self, body: BodyPose) -> Surface:
+        """The robot stands there, at this instant."""
+        ring, oldest_s = self.grid.ring, self.fresh.oldest_s
+        self._surface = self._surface._replace(ring=ring, oldest_s=oldest_s, stand=body)
+        return self._surface
+
     def causes(self, i: I64, j: I64) -> F64:
-        """Why the window shows what it does at world cells i, j (n,)."""
-        return self._decision.causes(i, j, self._surface).astype(np.float64)
+        """Why the window shows what it does at world cells i, j (n,), by the rules that decide."""
+        found: U8 = np.zeros(i.size, dtype=np.uint8)
+        surface = self._stand(self._surface.stand)
+        list_causes(i, j, surface, shown_of(self.window), found)
+        return found.astype(np.float64)
 
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
@@ -189,14 +216,12 @@ class SurfaceMaps:
 
     def heights_over_plane_m(self) -> F64:
         """The same over the plane on which the robot stands: what is always wrong tilts both."""
-        stand, grid = self._sway.stand, self.grid
-        if stand is None:
-            return self.heights_m()
+        stand, grid = self._surface.stand, self.grid
         places = np.arange(grid.size)
         x_m = grid.corner_i + (places - grid.corner_i) % grid.size + 0.5
         y_m = grid.corner_j + (places - grid.corner_j) % grid.size + 0.5
         dx_m, dy_m = x_m * grid.cell_m - stand.x_m, y_m * grid.cell_m - stand.y_m
-        along = stand.slope_x * dx_m[None, :] + stand.slope_y * dy_m[:, None]
+        along = stand.slopes[0] * dx_m[None, :] + stand.slopes[1] * dy_m[:, None]
         return np.asarray(self.heights_m() - stand.z_m - along)
 
     def _over_ground_m(self) -> F64:
@@ -208,7 +233,7 @@ class SurfaceMaps:
 
     def _terrain(self) -> F32:
         """Slope, step and roughness (3, n) of all cells: slopes, what stands, and what lacks."""
-        flat, cell_m = self._flat, self.grid.cell_m
+        flat, cell_m = self._surface.cells, self.grid.cell_m
         near = around(self.grid, np.arange(flat.size))
         z_m = np.where(near >= 0, self.heights_m().reshape(-1)[near], np.nan)
         slopes = np.abs(flat["slope_x"]) + np.abs(flat["slope_y"])
@@ -265,8 +290,8 @@ class SurfaceMaps:
 
     def go_on_from(self, at: I32, records: Cells, static_rad: F64) -> None:
         """Cells of an earlier run by flat indices (n,), into a map that is empty."""
-        self._flat[at] = records
-        self._touched.tall[at] = (records["stands"] > CLEAR) & np.isfinite(records["top_m"])
+        self._surface.cells[at] = records
+        self._surface.tall[at] = (records["stands"] > CLEAR) & np.isfinite(records["top_m"])
         self._error.own[3:] = static_rad
         self._anchored = True
 

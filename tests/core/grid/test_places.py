@@ -6,7 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.grid.places import MOST_PARTS, flat_index, ones, part_bit, parts_of
+from core.grid.places import (
+    MOST_PARTS,
+    cell_at,
+    flat_index,
+    index_of,
+    ones,
+    part_bit,
+    parts_of,
+    world_cell,
+)
+from core.grid.ring import RingGrid
 
 COORDINATE = st.floats(-30, 30)
 
@@ -41,3 +51,36 @@ def test_each_part_of_a_cell_has_a_bit_of_its_own(cell_m: float, along: int, cel
     middles = [(cell + (k + 0.5) / along) * cell_m for k in range(along)]
     bits = [part_bit(x, y, cell_m, parts_of(cell_m)) for y in middles for x in middles]
     assert bits == [1 << k for k in range(along * along)]
+
+
+def moved(size: int, cell_m: float, x_m: float, y_m: float) -> RingGrid:
+    grid = RingGrid(size, cell_m)
+    grid.follow(x_m, y_m)
+    return grid
+
+
+@given(x=st.floats(-9, 9), y=st.floats(-9, 9), to=st.tuples(*[st.floats(-7, 7)] * 2))
+def test_a_place_has_the_index_that_its_window_says(
+    x: float, y: float, to: tuple[float, float]
+) -> None:
+    grid = moved(41, 0.2, *to)
+    i, j = grid.cell_of(x, y)
+    inside = 0 <= i - grid.corner_i < 41 and 0 <= j - grid.corner_j < 41
+    expected = (j % 41) * 41 + i % 41 if inside else -1
+    assert cell_at(x, y, grid.ring) == index_of(i, j, grid.ring) == expected
+
+
+@pytest.mark.parametrize("edge", [-1, 41])
+def test_just_outside_of_the_window_there_is_no_cell(edge: int) -> None:
+    ring = moved(41, 0.2, 2.7, 6.3).ring
+    low_i, low_j = ring.corner_i, ring.corner_j
+    assert index_of(low_i + edge, low_j, ring) == index_of(low_i, low_j + edge, ring) == -1
+    assert index_of(low_i, low_j, ring) >= 0
+    assert index_of(low_i + 40, low_j + 40, ring) >= 0
+
+
+def test_an_index_is_that_of_one_world_cell() -> None:
+    ring = moved(41, 0.2, 2.7, 6.3).ring
+    for di, dj in ((0, 0), (7, 0), (40, 40), (12, 29)):
+        i, j = ring.corner_i + di, ring.corner_j + dj
+        assert world_cell(index_of(i, j, ring), ring) == (i, j)

@@ -6,15 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.grid.ring import RingGrid
-from core.mapping.surface.cells import (
-    APART,
-    cell_at,
-    ground_of,
-    index_of,
-    predict,
-    world_cell,
-)
+from core.mapping.surface.cells import APART, ground_of
 from core.mapping.surface.constants import REACH, STEEPEST
 from tests.support.ground_cells import RISES, GroundCells
 
@@ -37,21 +29,21 @@ def laid(slope_x: float, slope_y: float, **more: float) -> GroundCells:
 def test_ground_in_a_plane_is_expected_in_that_plane(slope_x: float, slope_y: float) -> None:
     """Seen from its foot: the slopes that are likely beforehand hold it back a little."""
     ground = laid(slope_x, slope_y)
-    plane = predict(0, 0, 1e4 * -slope_x, 1e4 * -slope_y, ground.surface)
+    plane = ground.plane(0, 0, 1e4 * -slope_x, 1e4 * -slope_y)
     assert plane.z_m == pytest.approx(0.3 + 0.1 * slope_x + 0.1 * slope_y, abs=0.005)
     assert (plane.slope_x, plane.slope_y) == pytest.approx((slope_x, slope_y), abs=0.02)
     assert plane.is_before
 
 
 def test_nothing_around_tells_nothing() -> None:
-    assert predict(0, 0, 0.0, 0.0, GroundCells().surface).var_m2 == math.inf
+    assert GroundCells().plane(0, 0, 0.0, 0.0).var_m2 == math.inf
 
 
 @pytest.mark.parametrize("slope", [0.5, -0.5, 3.0])
 def test_ground_is_never_told_steeper_than_a_wheel_climbs(slope: float) -> None:
     ground = laid(slope, -slope)
     for x_m in (FAR_AWAY_M, -FAR_AWAY_M):
-        plane = predict(0, 0, x_m, 0.0, ground.surface)
+        plane = ground.plane(0, 0, x_m, 0.0)
         assert abs(plane.slope_x) <= STEEPEST
         assert abs(plane.slope_y) <= STEEPEST
 
@@ -63,7 +55,7 @@ def test_what_rises_towards_the_robot_does_not_lift_the_ground_before_it() -> No
         for j in (-1, 0, 1):
             ground.lay(k, j, 0.5 - 0.2 * CELL_M * k)
     nearest = 0.5 - 0.2 * CELL_M * REACH
-    free, held = (predict(0, 0, x_m, 0.1, ground.surface) for x_m in (50.0, FAR_AWAY_M))
+    free, held = (ground.plane(0, 0, x_m, 0.1) for x_m in (50.0, FAR_AWAY_M))
     assert held.z_m <= nearest + RISES * REACH * CELL_M + 1e-6
     assert free.z_m > held.z_m + 0.04  # seen from the other side it is a ramp
     assert free.is_before
@@ -75,7 +67,7 @@ def test_the_nearest_ground_tells_what_it_is_tied_to_and_how_old_it_is() -> None
     for k in (1, 2, 3):
         ground.lay(k, 0, 0.0, floor_s=float(k))
     ground.lay(-1, 0, 0.0, tied=APART, floor_s=9.0, var_m2=1e-6)
-    plane = predict(0, 0, FAR_AWAY_M, 0.0, ground.surface)
+    plane = ground.plane(0, 0, FAR_AWAY_M, 0.0)
     assert (plane.tied, plane.seen_s) == (APART, 9.0)
     assert 1e-6 < plane.var_m2 < 1e-4
 
@@ -83,10 +75,10 @@ def test_the_nearest_ground_tells_what_it_is_tied_to_and_how_old_it_is() -> None
 def test_where_something_rises_the_ground_is_less_sure_than_that() -> None:
     ground = GroundCells()
     ground.lay(1, 0, 0.4, top_m=0.5)
-    assert predict(0, 0, FAR_AWAY_M, 0.0, ground.surface).var_m2 > 0.25
+    assert ground.plane(0, 0, FAR_AWAY_M, 0.0).var_m2 > 0.25
     for k in (-1, 2):
         ground.lay(k, 0, 0.0)
-    assert abs(predict(0, 0, FAR_AWAY_M, 0.0, ground.surface).z_m) < 0.01
+    assert abs(ground.plane(0, 0, FAR_AWAY_M, 0.0).z_m) < 0.01
 
 
 @given(*[st.floats(-0.02, 0.02)] * 2, st.floats(-30, 30), st.floats(-9, 9))
@@ -98,30 +90,3 @@ def test_what_the_attitude_is_always_off_by_moves_ground_by_its_arms(
     ground.own[:] = 0.3, 0.1, 0.2, static_p, static_r  # the fast part has been taken out before
     expected = 0.7 - static_p * arm_m - static_r * aside_m
     assert ground_of(ground.cells[at], ground.own) == pytest.approx(expected, abs=1e-6)
-
-
-@given(x=st.floats(-9, 9), y=st.floats(-9, 9), to=st.tuples(*[st.floats(-7, 7)] * 2))
-def test_a_place_has_the_index_that_its_window_says(
-    x: float, y: float, to: tuple[float, float]
-) -> None:
-    grid = RingGrid(41, CELL_M)
-    grid.follow(*to)
-    surface = GroundCells(41, CELL_M, (grid.corner_i, grid.corner_j)).surface
-    i, j = grid.cell_of(x, y)
-    inside = 0 <= i - grid.corner_i < 41 and 0 <= j - grid.corner_j < 41
-    expected = (j % 41) * 41 + i % 41 if inside else -1
-    assert cell_at(x, y, surface) == index_of(i, j, surface) == expected
-
-
-@pytest.mark.parametrize("edge", [-1, 41])
-def test_just_outside_of_the_window_there_is_no_cell(edge: int) -> None:
-    surface = GroundCells(41, CELL_M, (-7, 11)).surface
-    assert index_of(-7 + edge, 11, surface) == index_of(-7, 11 + edge, surface) == -1
-    assert index_of(-7, 11, surface) >= 0
-    assert index_of(-7 + 40, 11 + 40, surface) >= 0
-
-
-def test_an_index_is_that_of_one_world_cell() -> None:
-    surface = GroundCells(41, CELL_M, (-7, 11)).surface
-    for i, j in ((-7, 11), (0, 11), (33, 51), (5, 40)):
-        assert world_cell(index_of(i, j, surface), surface) == (i, j)

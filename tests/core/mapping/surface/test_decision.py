@@ -29,9 +29,9 @@ from core.mapping.surface.constants import CLEAR, GATE, LIKELY
 from core.mapping.surface.decision import is_framed, rule_of
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import Record, records
-from tests.support.ground_cells import LIMITS, GroundCells, packed
+from tests.support.ground_cells import LIMITS, NOISE_M2, GroundCells, packed
 
-NOISE_M2, OLDEST_S = 1e-4, 100.0  # 1 cm; 3 sigma with a cell's own: 3.1 cm
+OLDEST_S = 100.0  # NOISE_M2 is of 1 cm; 3 sigma with a cell's own: 3.1 cm
 ALL = 0xFFFF  # parts of a cell
 GOOD = {"var_m2": 1e-5, "looks": 3, "floor_s": 110.0, "stands": CLEAR, "tied": TIED}
 GOOD |= {"floor_parts": ALL}
@@ -46,7 +46,7 @@ def cell_of(**fields: float) -> Record:
 
 
 def cause_of(cell: Record, shown: int = UNKNOWN, seen_s: float = OLDEST_S) -> int:
-    return int(rule_of(cell, shown, seen_s, OLDEST_S, LIMITS, NOISE_M2))
+    return int(rule_of(cell, shown, seen_s, OLDEST_S, LIMITS))
 
 
 AHEAD = {"looks": 0, "floor_s": -math.inf}  # expected there, not met
@@ -123,7 +123,7 @@ def test_floor_may_lack_in_a_narrow_gap(seen: str, is_narrow: bool, turned: bool
         for beside in (-1, 0, 1):
             i, j = (beside, n - 1) if turned else (n - 1, beside)
             ground.lay(i, j, 0.0, floor_parts=bits)
-    assert is_framed(0, 0, LIMITS, ground.surface) is is_narrow
+    assert is_framed(0, 0, ground.surface) is is_narrow
 
 
 def test_a_ditch_that_runs_aslant_frames_nothing() -> None:
@@ -140,21 +140,21 @@ def test_a_ditch_that_runs_aslant_frames_nothing() -> None:
             )
             ground.lay(i, j, 0.0, floor_parts=bits, looks=int(bits > 0))
             if abs((i + j + 1) * 0.2 - shift) / math.sqrt(2.0) < 0.15:
-                assert not is_framed(i, j, LIMITS, ground.surface)
+                assert not is_framed(i, j, ground.surface)
 
 
 def test_beside_what_is_not_known_nothing_is_framed() -> None:
     ground = GroundCells(size=5)
     ground.lay(0, 0, 0.0, floor_parts=0x0FFF)
-    assert not is_framed(0, 0, LIMITS, ground.surface)
+    assert not is_framed(0, 0, ground.surface)
 
 
 def test_a_framed_cell_is_free_with_floor_in_some_part_of_it() -> None:
     for fields, cause in (({"floor_parts": 0x1}, FLOOR), ({"floor_parts": 0}, UNSHOWN)):
         cell = cell_of(**GOOD | fields)
-        assert rule_of(cell, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, NOISE_M2, False, True) == cause
+        assert rule_of(cell, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, False, True) == cause
     under = cell_of(**GOOD | {"floor_parts": 0x1, "under_parts": 0x6})
-    assert rule_of(under, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, NOISE_M2, False, True) == UNSHOWN
+    assert rule_of(under, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, False, True) == UNSHOWN
 
 
 HEIGHTS = st.one_of(st.just(math.inf), st.just(-math.inf), st.floats(-0.5, 0.5))

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from core.mapping.body import BodyPose
 from core.mapping.surface.cells import BLANK, TIED
-from core.mapping.surface.constants import BINS, FAST_S, SIGMA_STATIC_RAD
+from core.mapping.surface.constants import FAST_S, SIGMA_STATIC_RAD
 from core.mapping.surface.error import STATES, SweepFilter, forget, jump, roll_on, set_right
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.passing import follow_beams
-from core.mapping.surface.sweep import RETURN, Beams, Stand, agree, find_witnesses, hold
+from core.mapping.surface.sweep import RETURN, Beams, agree, find_witnesses, hold
 from core.records import F64
 from jit import COMPILED, Records, records
-from tests.support.ground_cells import LIMITS, GroundCells
+from tests.support.ground_cells import FAR_M, LIMITS, GroundCells, standing
 
-FAR_M = 8.2  # where a level sweep meets the ground
 NOISE_M = 0.004
 SCAN_S = 0.04
 HEIGHT, PITCH, ROLL, STATIC_PITCH, STATIC_ROLL = range(STATES)
@@ -37,7 +37,9 @@ class Witnesses:
         self.returns: Records = records(RETURN, beams)
         self.aside_m = np.linspace(-8.0, 8.0, beams)
         self.at = [self.ground.lay(41, round(5 * aside), 0.0) for aside in self.aside_m]
-        self.filter = SweepFilter(FAR_M)
+        self.filter = SweepFilter()
+        own, P = self.filter.own, self.filter.P
+        self.ground.surface = self.ground.surface._replace(own=own, P=P)
 
     @property
     def error(self) -> F64:
@@ -64,10 +66,8 @@ class Witnesses:
             one["noise_m2"], one["off_m"], one["height_m"], one["z_m"] = NOISE_M**2, off, off, off
             one["ahead_m"] = one["witness_ahead_m"] = ahead_m
             one["aside_m"] = one["witness_aside_m"] = aside
-        self.ground.surface = self.ground.surface._replace(own=self.filter.own)
-        set_right(
-            returns, t_s, passed_s, travel_m, self.ground.surface, self.filter.P, self.filter.room
-        )
+        surface = self.ground.surface._replace(stand=standing(t_s=t_s, way_m=travel_m))
+        set_right(returns, passed_s, surface, self.filter.room)
 
     def sigmas(self) -> F64:
         """The error of each state in its own sigmas."""
@@ -132,7 +132,7 @@ def test_old_ground_seen_again_by_other_arms_tells_what_is_always_wrong() -> Non
     assert (old.sigmas() < 3.0).all()
 
 
-def turned(heading_rad: float, random: np.random.Generator, beams: Beams) -> Stand:
+def turned(heading_rad: float, random: np.random.Generator, beams: Beams) -> BodyPose:
     """A robot on the spot at the origin, on a level floor, and its sweep."""
     bearings = heading_rad + np.radians(np.linspace(-60.0, 60.0, beams.rays.shape[0]))
     fall = math.radians(7.5)
@@ -145,27 +145,27 @@ def turned(heading_rad: float, random: np.random.Generator, beams: Beams) -> Sta
     beams.lenses[:] = 0.0, 0.0, 1.08
     ranges = -1.08 / beams.rays[:, 2]
     beams.ranges_m[0] = ranges + random.normal(0.0, 0.012, ranges.size)
-    return Stand(0.0, 0.0, 0.0, 0.0, 0.0, c, s, 0.0, 0.0)
+    return standing()._replace(heading=(c, s))
 
 
 @pytest.mark.skipif(not COMPILED, reason="an hour through kernels as Python takes minutes")
 def test_an_hour_of_turning_on_the_spot_moves_nothing_away() -> None:
-    random, ground, off = np.random.default_rng(5), GroundCells(101), SweepFilter(FAR_M)
-    surface = ground.surface._replace(own=off.own)
-    n, touched, bins = 61, ground.touched, np.zeros(BINS)
+    random, ground, off = np.random.default_rng(5), GroundCells(101), SweepFilter()
+    surface = ground.surface._replace(own=off.own, P=off.P)
+    n, touched, room = 61, ground.touched, off.room
     beams = Beams(np.empty((n, 3)), np.empty((n, 3)), np.empty((1, n)), records(RETURN, n), 9e-6)
     passed_s, worst_rad = 0.8, 0.0
     for k in range(int(3600 / passed_s)):
         stand = turned(random.uniform(-math.pi, math.pi), random, beams)
-        stand = stand._replace(t_s=k * passed_s)
+        surface = surface._replace(stand=stand._replace(t_s=k * passed_s))
         forget(passed_s, 0.0, off.own, off.P)
-        hold(beams, stand, LIMITS.h_pos_m, surface)
-        agree(beams.returns, TIED, LIMITS, bins)
-        find_witnesses(beams, stand, surface)
-        set_right(beams.returns, stand.t_s, passed_s, 0.0, surface, off.P, off.room)
+        hold(beams, surface)
+        agree(beams.returns, TIED, LIMITS, room.bins)
+        find_witnesses(beams, surface)
+        set_right(beams.returns, passed_s, surface, room)
         touched.used[0] = 0
-        end_beams(beams, stand, LIMITS, surface, touched)
-        follow_beams(beams, stand, LIMITS, surface, off.P, touched)
+        end_beams(beams, surface)
+        follow_beams(beams, surface, room.places)
         worst_rad = max(worst_rad, float(np.abs(off.own[1:3] + off.own[3:]).max()))
     seen = ground.cells["looks"] > 20
     assert seen.sum() > 1000
@@ -206,10 +206,9 @@ def test_the_covariance_stays_one_whatever_happens(
         else:
             passed_s, travel_m, z_mm = given_
             any_of.ground.cells["arm_m"][at] = 0.5 * travel_m
-            surface = any_of.ground.surface._replace(own=own)
-            roll_on(
-                0.1, 0.1, 1e-3 * z_mm, travel_m, passed_s, FAR_M, surface, P, any_of.filter.room
-            )
+            stand = standing(0.1, 0.1, way_m=travel_m)._replace(z_m=1e-3 * z_mm)
+            surface = any_of.ground.surface._replace(stand=stand)
+            roll_on(passed_s, surface, any_of.filter.room)
         assert np.isfinite(own).all()
         assert np.isfinite(P).all()
         size = np.abs(P).max()

@@ -9,10 +9,8 @@ from core.mapping.causes import NO_FLOOR, SOFT, UNREACHED, UNSHOWN
 from core.mapping.surface.cells import LOOSE, TIED
 from core.mapping.surface.constants import CLEAR, HARD, LET_IN, LIKELY, PASS_THROUGH, STOPPED
 from core.mapping.surface.decision import is_passable, rule_of
-from core.mapping.surface.evidence import vote
+from core.mapping.surface.evidence import softness, vote
 from core.mapping.surface.maps import SurfaceMaps
-from core.mapping.surface.soft import softness
-from core.mapping.surface.touched import touch
 from core.records import FREE, OBSTACLE
 from tests.support.cases import few
 from tests.support.flat_ride import Ride, Rig, cells_over, config_of
@@ -152,7 +150,7 @@ def test_where_the_sweep_ends_and_where_one_echo_is_told_nothing_is_soft() -> No
 
 def passable(ground: GroundCells, soft_m: float = 0.4) -> bool:
     limits = LIMITS._replace(soft_m=soft_m)
-    return bool(is_passable(ground.at(2, 2), 2, 2, limits, ground.surface))
+    return bool(is_passable(ground.at(2, 2), 2, 2, ground.surface._replace(limits=limits)))
 
 
 GRASS = {"stands": LIKELY, "soft": LIKELY, "top_m": 0.3}
@@ -178,7 +176,7 @@ def test_soft_things_are_free_where_floor_was_seen_among_them_and_can_be_reached
     cell = ground.cells[ground.lay(2, 2, 0.0, **GRASS, floor_parts=0xFFFF)]
 
     def cause() -> int:
-        return int(rule_of(cell, OBSTACLE, 0.0, 0.0, LIMITS, 1e-4, passable=True))
+        return int(rule_of(cell, OBSTACLE, 0.0, 0.0, LIMITS, passable=True))
 
     assert cause() == SOFT
     cell["looks"] = 0
@@ -203,6 +201,5 @@ def test_a_hard_thing_has_the_soft_cells_around_it_decided_again() -> None:
 def test_what_has_gone_leaves_nothing_of_its_softness() -> None:
     ground = GroundCells()
     at = ground.lay(2, 0, 0.0, stands=CLEAR + 0.1, soft=-50.0, low_m=0.2, top_m=0.3)
-    slot = touch(at, ground.touched)
-    vote(ground.cells[at], slot, PASS_THROUGH, ground.touched)
+    vote(at, PASS_THROUGH, ground.surface)
     assert ground.cells["soft"][at] == 0.0

@@ -2,11 +2,10 @@
 
 import pytest
 
-from core.mapping.surface.cells import APART, LOOSE, TIED
+from core.mapping.surface.cells import APART, LOOSE, NEWLY_TIED, TIED, touch
 from core.mapping.surface.constants import FRONT
-from core.mapping.surface.ties import spread_ties, tie_of
-from core.mapping.surface.touched import NEWLY_TIED, touch
-from tests.support.ground_cells import LIMITS, GroundCells
+from core.mapping.surface.evidence import spread_ties, tie
+from tests.support.ground_cells import GroundCells
 
 
 class Sides:
@@ -25,7 +24,7 @@ class Sides:
 
     def spread(self) -> set[int]:
         """How ground beyond is tied after a scan."""
-        spread_ties(LIMITS, self.ground.surface, self.ground.touched)
+        spread_ties(self.ground.surface)
         return {int(tied) for tied in self.ground.cells["tied"][self.beyond]}
 
 
@@ -60,7 +59,8 @@ def test_what_has_not_been_tied_now_ties_nothing_on() -> None:
 def test_ground_among_more_that_lies_apart_is_apart_as_well() -> None:
     sides = Sides(-0.2, WIDE, APART)
     at = sides.ground.lay(5, 5, -0.2, tied=LOOSE)
-    assert tie_of(at, 5, 5, LIMITS, sides.ground.surface) == APART
+    tie(at, 5, 5, sides.ground.surface)
+    assert sides.ground.cells["tied"][at] == APART
 
 
 def test_a_ledge_half_way_down_a_drop_is_no_way_over_it() -> None:

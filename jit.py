@@ -17,7 +17,7 @@ import hashlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import CodeType, FunctionType, ModuleType
 from typing import Any, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
@@ -161,9 +161,13 @@ def _value(value: object, user: FunctionType) -> str:
         return ""
     if hasattr(value, "_fields"):
         return _shape(value)
+    if isinstance(value, ModuleType):  # of which the user names some things
+        named = {name for code in _codes(user.__code__) for name in code.co_names}
+        found = sorted(named & vars(value).keys())
+        return repr([(name, _value(vars(value)[name], user)) for name in found])
     raise TypeError(
         f"{user.__qualname__} uses {value!r}: a kernel may use numbers, tuples of them,"
-        " kernels, named tuples, math and np"
+        " kernels, named tuples, and modules of such"
     )
 
 

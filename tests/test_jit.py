@@ -105,6 +105,16 @@ def test_a_change_compiles_what_it_reaches(
     assert tried(copied) == (161.0, count)
 
 
+def test_of_a_module_a_kernel_reaches_what_it_names(tmp_path: Path) -> None:
+    high = HIGH.replace("from low import OFFSET, Pair, scaled", "import low")
+    for name in ("OFFSET", "Pair", "scaled"):
+        high = high.replace(name, f"low.{name}")
+    assert tried(tmp_path, LOW, high) == (161.0, 2)
+    assert tried(tmp_path, LOW.replace("return x\n", "return x + 1\n"), high) == (161.0, 0)
+    assert tried(tmp_path, LOW.replace("(1.0, 2.0)", "(0.5, 2.0)"), high) == (160.5, 1)
+    assert tried(tmp_path, LOW.replace("GAIN = 3", "GAIN = 4"), high) == (181.0, 2)
+
+
 def test_the_user_s_cache_is_taken_where_the_folder_can_not_be_written(
     tmp_path: Path, monkeypatch: Patch
 ) -> None:

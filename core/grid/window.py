@@ -3,8 +3,11 @@
 It decides nothing: a method puts states in, the link takes changes out.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
+from core.grid.places import Ring
 from core.grid.ring import RingGrid
 from core.records import I8, I32, OBSTACLE, UNKNOWN
 from jit import kernel
@@ -12,23 +15,32 @@ from jit import kernel
 NO_CELLS = np.zeros(0, dtype=np.int32)
 
 
+class Shown(NamedTuple):
+    """The window, as kernels are given it; flat."""
+
+    ring: Ring
+    cells: I8
+    marked: I8  # 1: is in `changed`
+    changed: I32  # flat indices, as many as have changed
+
+
 @kernel
-def put_state(to: int, state: int, cells: I8, marked: I8, changed: I32, used: int) -> int:
+def put_state(to: int, state: int, shown: Shown, used: int) -> int:
     """Set one cell, by its flat index, and note it once; returns how many are noted."""
-    if cells[to] != state:
-        cells[to] = state
-        if marked[to] == 0:
-            marked[to] = 1
-            changed[used] = to
+    if shown.cells[to] != state:
+        shown.cells[to] = state
+        if shown.marked[to] == 0:
+            shown.marked[to] = 1
+            shown.changed[used] = to
             return used + 1
     return used
 
 
 @kernel
-def _put(at: I32, states: I8, cells: I8, marked: I8, changed: I32, used: int) -> int:
+def _put(at: I32, states: I8, shown: Shown, used: int) -> int:
     """Set many cells; returns how many are noted."""
     for k in range(at.size):
-        used = put_state(at[k], states[k], cells, marked, changed, used)
+        used = put_state(at[k], states[k], shown, used)
     return used
 
 
@@ -44,10 +56,14 @@ class ObstacleWindow:
         self.used = 0
         self.epoch = 0  # grows when everything was erased
 
+    @property
+    def shown(self) -> Shown:
+        """It as it is now, for kernels."""
+        return Shown(self.grid.ring, self.cells.reshape(-1), self.marked, self.changed)
+
     def put(self, at: I32, states: I8) -> None:
         """Set cells by their flat indices (k,), row * size + column, to states (k,)."""
-        cells = self.cells.ravel()
-        self.used = _put(at, states, cells, self.marked, self.changed, self.used)
+        self.used = _put(at, states, self.shown, self.used)
 
     def follow(self, x_m: float, y_m: float) -> bool:
         """Keep a point of the map frame near the middle; True if the window moved."""

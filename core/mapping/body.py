@@ -29,3 +29,22 @@ def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> Bod
     x_m, y_m, z_m = odometry.xyz_at(t_s).tolist()
     travel_m = odometry.travel_at(t_s)
     return BodyPose(x_m, y_m, z_m, (cy, sy), (-nx / nz, -ny / nz), travel_m, t_s)
+
+
+class Sway:
+    """How the plane on which the robot stands differs from its mean of late, `slopes` along x, y.
+
+    A body that leant otherwise over what is uneven was lifted by it.
+    """
+
+    def __init__(self, late_s: float) -> None:
+        self.slopes, self._off, self._late_s = (math.nan, math.nan), 0.0, late_s
+
+    def follow(self, passed_s: float, slopes: tuple[float, float]) -> float:
+        """The body's own slopes now; by how much they are off that mean, or were lately."""
+        share = 1.0 - math.exp(-passed_s / self._late_s)
+        (ax, ay), (bx, by) = slopes if math.isnan(self.slopes[0]) else self.slopes, slopes
+        self.slopes = (ax + share * (bx - ax), ay + share * (by - ay))
+        off = math.hypot(bx - self.slopes[0], by - self.slopes[1])
+        self._off = max(off, (1.0 - share) * self._off)
+        return self._off

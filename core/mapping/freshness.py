@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from core.grid.ring import RingGrid, cells_about
-from core.grid.window import ObstacleWindow, put_state
-from core.records import F64, FREE, I8, I32, UNKNOWN
+from core.grid.window import ObstacleWindow, Shown, put_state
+from core.records import F64, FREE, UNKNOWN
 from jit import kernel
 
 SWEEP_S = 1.0  # by so much may free ground be older than the settings say: the least age they allow
@@ -47,27 +47,19 @@ def _cover(
 
 @kernel
 def _expire(
-    seen_s: F64,
-    oldest_s: float,
-    from_size: int,
-    window: tuple[int, int, int],
-    rows: tuple[int, int],
-    cells: I8,
-    marked: I8,
-    changed: I32,
-    used: int,
+    seen_s: F64, oldest_s: float, from_size: int, rows: tuple[int, int], shown: Shown, used: int
 ) -> int:
     """Free cells of some rows (first, count) that are too old become unknown; the changes noted."""
-    size = window[2]
+    size, low_i, low_j = shown.ring.size, shown.ring.corner_i, shown.ring.corner_j
     for k in range(rows[0], rows[0] + rows[1]):
         row = k % size
-        j = window[1] + (row - window[1]) % size
+        j = low_j + (row - low_j) % size
         for column in range(size):
-            if cells[row * size + column] != FREE:
+            if shown.cells[row * size + column] != FREE:
                 continue
-            i = window[0] + (column - window[0]) % size
+            i = low_i + (column - low_i) % size
             if seen_s[(j % from_size) * from_size + i % from_size] < oldest_s:
-                used = put_state(row * size + column, UNKNOWN, cells, marked, changed, used)
+                used = put_state(row * size + column, UNKNOWN, shown, used)
     return used
 
 
@@ -108,11 +100,8 @@ class Freshness:
             self.seen_s,
             self.oldest_s,
             self._grid.size,
-            (window.grid.corner_i, window.grid.corner_j, size),
             (self._row, rows),
-            window.cells.ravel(),
-            window.marked,
-            window.changed,
+            window.shown,
             window.used,
         )
         self._row = (self._row + rows) % size

@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from core.config import Obstacle
-from core.grid.places import ones
-from core.grid.window import ObstacleWindow, put_state
+from core.grid.places import index_of, ones
+from core.grid.window import ObstacleWindow, Shown, put_state
 from core.mapping import causes
 from core.mapping.beams.cells import GONE_JUDGED, GONE_PASSED, CellGrid, Cells, known
 from core.mapping.causes import (
@@ -42,7 +42,7 @@ from core.mapping.causes import (
     UNSHOWN,
 )
 from core.mapping.freshness import Freshness
-from core.records import F64, FREE, I8, I32, I64, U8, UNKNOWN
+from core.records import F64, FREE, I32, I64, U8, UNKNOWN
 from jit import kernel
 
 ENOUGH = 2  # contradicting scans that make an obstacle
@@ -186,23 +186,21 @@ def _decide(
     seen_s: F64,
     oldest_s: float,
     from_window: tuple[int, int, int],
-    to_window: tuple[int, int, int],
-    cells: I8,
-    marked: I8,
-    changed: I32,
+    shown: Shown,
     used: int,
 ) -> int:
-    """Decide touched cells of the elevation window; windows are (corner i, corner j, size)."""
-    size, out = from_window[2], to_window[2]
+    """Decide touched cells of the elevation window, which is (corner i, corner j, size)."""
+    size = from_window[2]
     for at in touched:
         row, column = at // size, at % size
         i = from_window[0] + (column - from_window[0]) % size
         j = from_window[1] + (row - from_window[1]) % size
-        if not _covers(to_window, i, j):
+        into = index_of(i, j, shown.ring)
+        if into < 0:
             continue
         state = _state_of(_rule(i, j, at, layers, sub, bounds, from_window))
         state = UNKNOWN if _is_aged(state, seen_s[at], oldest_s) else state
-        used = put_state((j % out) * out + i % out, state, cells, marked, changed, used)
+        used = put_state(into, state, shown, used)
     return used
 
 
@@ -222,23 +220,21 @@ def _list_causes(
     seen_s: F64,
     oldest_s: float,
     from_window: tuple[int, int, int],
-    to_window: tuple[int, int, int],
-    cells: I8,
+    window: Shown,
     out: U8,
 ) -> None:
     """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
-    size, shown_size = from_window[2], to_window[2]
+    size = from_window[2]
     for k in range(i.size):
-        out[k] = OUTSIDE
-        if not _covers(to_window, i[k], j[k]):
+        out[k], into = OUTSIDE, index_of(i[k], j[k], window.ring)
+        if into < 0:
             continue
         cause = UNSEEN
         if _covers(from_window, i[k], j[k]):
             at = (j[k] % size) * size + i[k] % size
             cause = _rule(i[k], j[k], at, layers, sub, bounds, from_window)
             cause = AGED if _is_aged(_state_of(cause), seen_s[at], oldest_s) else cause
-        shown = cells[(j[k] % shown_size) * shown_size + i[k] % shown_size]
-        out[k] = _shown_cause(cause, _state_of(cause), shown)
+        out[k] = _shown_cause(cause, _state_of(cause), window.cells[into])
 
 
 class CellClassifier:
@@ -271,10 +267,7 @@ class CellClassifier:
             self._fresh.seen_s,
             self._fresh.oldest_s,
             (source.grid.corner_i, source.grid.corner_j, source.grid.size),
-            (window.grid.corner_i, window.grid.corner_j, window.grid.size),
-            window.cells.ravel(),
-            window.marked,
-            window.changed,
+            window.shown,
             window.used,
         )
 
@@ -291,8 +284,7 @@ class CellClassifier:
             self._fresh.seen_s,
             self._fresh.oldest_s,
             (source.grid.corner_i, source.grid.corner_j, source.grid.size),
-            (window.grid.corner_i, window.grid.corner_j, window.grid.size),
-            window.cells.ravel(),
+            window.shown,
             found,
         )
         return found

@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from core.grid.places import Ring, from_centre, index_of
 from core.mapping.body import BodyPose
-from core.mapping.surface.constants import BEND, CARRY_M, FLAT_M, REACH, STEEP, STEEPEST
+from core.mapping.surface.constants import *
 from core.records import F64, I8, I32, I64, U8
 from jit import Record, Records, fields, kernel
 
@@ -69,7 +69,6 @@ PLANE = np.dtype(
         *fields(np.int64, "tied is_before"),
     ]
 )
-VOTED, SAW_FLOOR, WENT_UNDER, NEWLY_TIED = 1, 2, 4, 8  # bits of what a scan has said of a cell
 
 
 class Limits(NamedTuple):
@@ -83,7 +82,8 @@ class Limits(NamedTuple):
     noise_m2: float  # of the height of a return from level ground
     far_m: float  # how far ahead level ground is met
     rises: float  # ground that rises more towards the robot is none
-    parts: int  # of a cell, along its edge
+    parts: int  # of a cell, along its edge,
+    row: int  # and in so many of all, floor may be on one side of a ditch alone
     block: int  # cells along the edge of a block, whose ground is worked out at once
 
 
@@ -157,12 +157,6 @@ def floor_parts(cell: Record) -> int:
 def under_parts(cell: Record) -> int:
     """Bits of the parts of a cell in which a beam was under the ground."""
     return int(cell.parts) >> PART_BITS
-
-
-@kernel
-def row_of(parts: int) -> int:
-    """Parts of a cell, parts along its edge, in which floor may be on one side of a ditch alone."""
-    return min(parts, parts * parts - 1)
 
 
 @kernel

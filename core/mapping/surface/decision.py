@@ -10,37 +10,14 @@ Source: docs/method.md, section 5.
 """
 
 import math
-from typing import NamedTuple
 
-from core.grid.places import Ring, index_of, ones, world_cell
-from core.grid.window import ObstacleWindow, put_state
+from core.grid.places import index_of, ones, world_cell
+from core.grid.window import Shown, put_state
 from core.mapping import causes
-from core.mapping.causes import (
-    AGED,
-    BEYOND_STEP,
-    EARLIER_RUN,
-    FEW,
-    FLOOR,
-    GUESSED,
-    NO_FLOOR,
-    OUTSIDE,
-    SOFT,
-    STANDS,
-    UNREACHED,
-    UNSEEN,
-    UNSHOWN,
-)
-from core.mapping.surface.cells import (
-    APART,
-    TIED,
-    Limits,
-    Surface,
-    floor_parts,
-    row_of,
-    under_parts,
-)
-from core.mapping.surface.constants import CLEAR, GATE, HIT, LIKELY
-from core.records import I8, I32, I64, OBSTACLE, U8
+from core.mapping.surface import cells
+from core.mapping.surface.cells import APART, TIED, Limits, Surface, floor_parts
+from core.mapping.surface.constants import *
+from core.records import I32, I64, OBSTACLE, U8
 from jit import Record, kernel
 
 _state_of, _shown_cause = kernel(causes.state_of), kernel(causes.shown_cause)
@@ -57,29 +34,16 @@ def _missing(cell: Record, limits: Limits) -> int:
     if cell.under_m == math.inf:
         return 0
     if cell.looks == 0 and cell.floor_m <= h_neg:
-        return NO_FLOOR
+        return causes.NO_FLOOR
     doubt = GATE * math.sqrt(cell.var_m2 + limits.noise_m2)
     if -cell.under_m <= doubt:
-        return UNSHOWN if cell.under_m <= h_neg else 0
+        return causes.UNSHOWN if cell.under_m <= h_neg else 0
     if cell.under_m <= h_neg:
-        return NO_FLOOR
+        return causes.NO_FLOOR
     far = 0.0 if cell.looks > 0 else cell.floor_m
     if far == math.inf:
-        return UNSHOWN
-    return NO_FLOOR if far <= h_neg or far - cell.under_m > doubt else 0
-
-
-@kernel
-def _is_whole(cell: Record, parts: int, is_framed: bool) -> bool:
-    """Whether floor was seen in more than a row of a cell's parts, and where beams were under it.
-
-    Else it is the edge of a ditch: floor on one side of the cell says nothing of the other, but
-    where it is framed.
-    """
-    return bool(
-        ones(floor_parts(cell)) > (0 if is_framed else row_of(parts))
-        and ones(under_parts(cell) & ~floor_parts(cell)) < max(2, parts // 2)
-    )
+        return causes.UNSHOWN
+    return causes.NO_FLOOR if far <= h_neg or far - cell.under_m > doubt else 0
 
 
 @kernel
@@ -88,7 +52,7 @@ def is_framed(i: int, j: int, surface: Surface) -> bool:
 
     As where the laser's line jumps on: so narrow a gap, with floor on both sides, is no ditch.
     """
-    cells, parts = surface.cells, surface.limits.parts
+    parts = surface.limits.parts
     row = (1 << parts) - 1  # bits of a cell's parts
     column = ((1 << parts * parts) - 1) // row
     for along in range(2):
@@ -97,7 +61,8 @@ def is_framed(i: int, j: int, surface: Surface) -> bool:
             n = k // parts
             near, place = index_of(i + n * (1 - along), j + n * along, surface.ring), k - n * parts
             bits = column << place if along == 0 else row << place * parts
-            seen = near >= 0 and cells[near].looks > 0 and floor_parts(cells[near]) & bits != 0
+            other = surface.cells[max(0, near)]
+            seen = near >= 0 and other.looks > 0 and floor_parts(other) & bits != 0
             run = 0 if seen else run + 1
             if run > parts // 2 and k >= 0 and k - run < parts - 1:  # some of it is in the cell
                 return False
@@ -116,58 +81,50 @@ def rule_of(
         framed: what lacks of its floor is narrow.
     """
     if cell.var_m2 == math.inf:
-        return UNSEEN
+        return causes.UNSEEN
     missing = _missing(cell, limits)
     if missing > 0:
         return missing
     stands = cell.stands >= LIKELY or (shown == OBSTACLE and cell.stands > 0.0)
     if stands and not passable:
         is_high = cell.top_m > HIT * math.sqrt(cell.var_m2 + limits.noise_m2)
-        return STANDS if is_high else GUESSED
+        return causes.STANDS if is_high else causes.GUESSED
     if cell.looks == 0:
-        return UNSHOWN
+        return causes.UNSHOWN
     if cell.tied != TIED:
-        return BEYOND_STEP if cell.tied == APART else UNREACHED
+        return causes.BEYOND_STEP if cell.tied == APART else causes.UNREACHED
     if cell.stands > CLEAR and not passable:
-        return FEW
-    if not _is_whole(cell, limits.parts, framed):
-        return UNSHOWN
+        return causes.FEW
+    # floor in a row of its parts, or a beam under the rest of them: it may be the edge of a ditch
+    under = ones(cells.under_parts(cell) & ~floor_parts(cell))
+    if ones(floor_parts(cell)) <= (0 if framed else limits.row) or under >= max(
+        2, limits.parts // 2
+    ):
+        return causes.UNSHOWN
     if seen_s < oldest_s:
-        return AGED if seen_s > -math.inf else EARLIER_RUN
-    return SOFT if passable else FLOOR
+        return causes.AGED if seen_s > -math.inf else causes.EARLIER_RUN
+    return causes.SOFT if passable else causes.FLOOR
 
 
 @kernel
 def is_passable(at: int, i: int, j: int, surface: Surface) -> bool:
     """Whether what stands in a cell is soft, as low as the settings say, and so all beside it."""
-    cells, cell, soft_m = surface.cells, surface.cells[at], surface.limits.soft_m
+    cell, soft_m = surface.cells[at], surface.limits.soft_m
     if soft_m == 0.0 or cell.top_m > soft_m or cell.stands <= CLEAR or cell.soft < LIKELY:
         return False
     for n in range(9):
         near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface.ring)
-        if near >= 0 and cells[near].stands > 0.0 and cells[near].soft < LIKELY:
+        other = surface.cells[max(0, near)]
+        if near >= 0 and other.stands > 0.0 and other.soft < LIKELY:
             return False
     return True
-
-
-class Shown(NamedTuple):
-    """The planner's window, as kernels are given it."""
-
-    ring: Ring
-    cells: I8  # (size * size,) states
-    marked: I8  # of those that changed,
-    changed: I32  # and their list
-
-
-def shown_of(window: ObstacleWindow) -> Shown:
-    return Shown(window.grid.ring, window.cells.reshape(-1), window.marked, window.changed)
 
 
 @kernel
 def _rule_at(at: int, i: int, j: int, state: int, surface: Surface) -> int:
     """Which rule decides the cell of a surface that is world cell i, j."""
     passable, cell, limits = is_passable(at, i, j, surface), surface.cells[at], surface.limits
-    framed = 0 < ones(floor_parts(cell)) <= row_of(limits.parts) and is_framed(i, j, surface)
+    framed = 0 < ones(floor_parts(cell)) <= limits.row and is_framed(i, j, surface)
     return rule_of(cell, state, surface.seen_s[at], surface.oldest_s, limits, passable, framed)
 
 
@@ -179,7 +136,7 @@ def decide_cells(listed: I32, surface: Surface, shown: Shown, used: int) -> int:
         into = index_of(i, j, shown.ring)
         if into >= 0:
             cause = _rule_at(at, i, j, shown.cells[into], surface)
-            used = put_state(into, _state_of(cause), shown.cells, shown.marked, shown.changed, used)
+            used = put_state(into, _state_of(cause), shown, used)
     return used
 
 
@@ -188,9 +145,9 @@ def list_causes(i: I64, j: I64, surface: Surface, shown: Shown, out: U8) -> None
     """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
     for k in range(i.size):
         at, into = index_of(i[k], j[k], surface.ring), index_of(i[k], j[k], shown.ring)
-        out[k] = OUTSIDE
+        out[k] = causes.OUTSIDE
         if into >= 0:
-            state, cause = shown.cells[into], UNSEEN
+            state, cause = shown.cells[into], causes.UNSEEN
             if at >= 0:
                 cause = _rule_at(at, i[k], j[k], state, surface)
             out[k] = _shown_cause(cause, _state_of(cause), state)

@@ -26,18 +26,7 @@ import numpy as np
 from core.grid.places import cell_at
 from core.mapping.along import MOST_PLACES
 from core.mapping.surface.cells import Surface, height_over
-from core.mapping.surface.constants import (
-    ALIKE_S,
-    BINS,
-    FAST_S,
-    FLAT_M,
-    GATE,
-    ROUNDS,
-    SIGMA_FAST_RAD,
-    SIGMA_JUMP_RAD,
-    SIGMA_STATIC_RAD,
-    WITNESSES,
-)
+from core.mapping.surface.constants import *
 from core.motion.kalman import Information, correct, join, spread
 from core.records import F64, I32
 from jit import Record, Records, kernel
@@ -243,22 +232,3 @@ class SweepFilter:
             self._doubted = doubted
             jump(self.P)
         return passed_s, driven_m
-
-
-class Sway:
-    """The plane on which the robot stands, `slopes` along map x and y; how it sways about that.
-
-    arm_m: lever by which a wheel that lifts the lens tips the body: from the axle to the lens.
-    """
-
-    def __init__(self, arm_m: float) -> None:
-        self.slopes, self._off, self._arm_m = (math.nan, math.nan), 0.0, arm_m
-
-    def follow(self, passed_s: float, slopes: tuple[float, float]) -> float:
-        """The body's own slopes now; variance of the height of the lens by what it sways over."""
-        share = 1.0 - math.exp(-passed_s / ALIKE_S)
-        (ax, ay), (bx, by) = slopes if math.isnan(self.slopes[0]) else self.slopes, slopes
-        self.slopes = (ax + share * (bx - ax), ay + share * (by - ay))
-        off = math.hypot(bx - self.slopes[0], by - self.slopes[1])
-        self._off = max(off, (1.0 - share) * self._off)
-        return FLAT_M**2 + (self._arm_m * self._off) ** 2

@@ -20,49 +20,15 @@ Source: docs/method.md, section 4.
 import math
 
 from core.grid.places import cell_at, index_of, ones, part_bit, world_cell
-from core.mapping.surface.cells import (
-    APART,
-    LOOSE,
-    MOST_LOOKS,
-    NEWLY_TIED,
-    PART_BITS,
-    SAW_FLOOR,
-    TIED,
-    VOTED,
-    WENT_UNDER,
-    Plane,
-    Surface,
-    floor_parts,
-    ground_of,
-    plane_at,
-    plane_of,
-    row_of,
-    touch,
-    under_parts,
-)
-from core.mapping.surface.constants import (
-    ALIKE_S,
-    CLEAR,
-    FLAT_M,
-    FRONT,
-    GATE,
-    HARD,
-    HIT,
-    LEAST,
-    LET_IN,
-    LOWERED,
-    MOST,
-    PASS_THROUGH,
-    REACH,
-    SIGMA_RANGE_M,
-    STEEPEST,
-    STOPPED,
-    THING_M,
-)
+from core.mapping.surface import cells
+from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, floor_parts, ground_of, touch
+from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2
 from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams
 from core.records import F64
 from jit import Record, kernel
+
+VOTED, SAW_FLOOR, WENT_UNDER, NEWLY_TIED = 1, 2, 4, 8  # bits of what a scan has said of a cell
 
 
 @kernel
@@ -92,7 +58,7 @@ def lower(at: int, part: int, depth: float, surface: Surface) -> None:
     cell, slot = surface.cells[at], touch(at, surface.touched)
     if floor_parts(cell) & part:
         return
-    cell.parts |= part << PART_BITS
+    cell.parts |= part << cells.PART_BITS
     before = 0.0 if cell.under_m == math.inf else cell.under_m
     if depth < before and not surface.touched.bits[slot] & WENT_UNDER:
         surface.touched.bits[slot] |= WENT_UNDER
@@ -109,7 +75,7 @@ def stay(cell: Record, move: float) -> None:
 
 
 @kernel
-def expect(cell: Record, plane: Plane, ahead: float, aside: float, surface: Surface) -> None:
+def expect(cell: Record, plane: cells.Plane, ahead: float, aside: float, surface: Surface) -> None:
     """Ground that is not seen yet, at a cell's centre."""
     own = surface.own
     cell.arm_m, cell.aside_m = ahead + surface.stand.travel_m, aside
@@ -125,19 +91,20 @@ def tie(at: int, i: int, j: int, surface: Surface) -> None:
     It is joined along a front as wide as a robot, no less, and not where more ground within two
     cells is a step off than joins it: no wheel climbs that.
     """
-    cells, own, limits = surface.cells, surface.own, surface.limits
-    cell, ground = cells[at], ground_of(cells[at], own)
+    cell, own, limits = surface.cells[at], surface.own, surface.limits
+    ground = ground_of(cell, own)
     joined = apart = against = 0
     for dj in range(-REACH, REACH + 1):
         for di in range(-REACH, REACH + 1):
             near = index_of(i + di, j + dj, surface.ring)
-            if near < 0 or near == at or cells[near].looks == 0:
+            other = surface.cells[max(0, near)]
+            if near < 0 or near == at or other.looks == 0:
                 continue
-            if not limits.h_neg_m < ground - ground_of(cells[near], own) < limits.h_pos_m:
-                against += cells[near].tied == TIED
+            if not limits.h_neg_m < ground - ground_of(other, own) < limits.h_pos_m:
+                against += other.tied == TIED
             elif max(abs(di), abs(dj)) == 1:
-                joined += cells[near].tied == TIED
-                apart += cells[near].tied == APART
+                joined += other.tied == TIED
+                apart += other.tied == APART
     if joined >= FRONT and joined > against:
         if cell.tied != TIED:  # what is loose around it may be tied by it in turn
             surface.touched.bits[touch(at, surface.touched)] |= NEWLY_TIED
@@ -184,10 +151,10 @@ def _see_floor(at: int, one: Record, z: float, surface: Surface) -> None:
     if since_s < ALIKE_S:  # else all of it was seen by another attitude
         stay(cell, move)
     cell.var_m2, cell.floor_s = (1.0 - gain) * aged, t_s
-    cell.looks = min(MOST_LOOKS, cell.looks + 1)
+    cell.looks = min(cells.MOST_LOOKS, cell.looks + 1)
     i, j = world_cell(at, surface.ring)
     if cell.looks & (cell.looks - 1) == 0:  # the first, second, fourth, eighth...
-        plane = plane_at(i, j, surface)
+        plane = cells.plane_at(i, j, surface)
         cell.slope_x, cell.slope_y = plane.slope_x, plane.slope_y
     if cell.looks == 1:
         cell.floor_m = math.inf  # until then it was that of ground beyond it
@@ -201,37 +168,30 @@ def _see_floor(at: int, one: Record, z: float, surface: Surface) -> None:
 
 
 @kernel
-def _see_part(at: int, part: int, surface: Surface) -> None:
-    """Floor in a part of a cell, which may frame the cells beside it."""
-    cells = surface.cells
-    if floor_parts(cells[at]) & part:
-        return
-    cells[at].parts |= part
-    i, j = world_cell(at, surface.ring)
-    for di, dj in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-        near = index_of(i + di, j + dj, surface.ring)
-        if near >= 0 and 0 < ones(floor_parts(cells[near])) <= row_of(surface.limits.parts):
-            touch(near, surface.touched)
-
-
-@kernel
 def _end_on_floor(
     at: int, part: int, one: Record, z: float, is_step: bool, surface: Surface
 ) -> None:
-    """A return from floor."""
-    cell, slot, limits = surface.cells[at], touch(at, surface.touched), surface.limits
+    """A return from floor, in a part of a cell, which may frame the cells beside it."""
+    cell, limits, bits = surface.cells[at], surface.limits, surface.touched.bits
+    slot = touch(at, surface.touched)
     one.kind = FLOOR
     if is_step:  # what was expected is worth nothing
         stay(cell, _lay(cell, z, 1.0, one, surface))
         cell.var_m2 = one.noise_m2
         one.tied = APART if one.height_m <= limits.h_neg_m else LOOSE
-    if not surface.touched.bits[slot] & SAW_FLOOR:
-        surface.touched.bits[slot] |= SAW_FLOOR
+    if not bits[slot] & SAW_FLOOR:
+        bits[slot] |= SAW_FLOOR
         _see_floor(at, one, z, surface)
     surface.seen_s[at] = surface.stand.t_s
     cell.floor_m = min(cell.floor_m, z - ground_of(cell, surface.own))
-    _see_part(at, part, surface)
-    if cell.under_m < math.inf and under_parts(cell) & ~floor_parts(cell) == 0:
+    if not floor_parts(cell) & part:
+        cell.parts |= part
+        i, j = world_cell(at, surface.ring)
+        for di, dj in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+            near = index_of(i + di, j + dj, surface.ring)
+            if near >= 0 and 0 < ones(floor_parts(surface.cells[near])) <= limits.row:
+                touch(near, surface.touched)
+    if cell.under_m < math.inf and cells.under_parts(cell) & ~floor_parts(cell) == 0:
         cell.parts, cell.under_m = floor_parts(cell), math.inf
     rests = cell.low_m < limits.h_pos_m
     vote(at, PASS_THROUGH if cell.stands > 0.0 and rests else 0.0, surface)
@@ -293,7 +253,7 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
         return  # it tells nothing, over ground that is a guess
     if cell.var_m2 == math.inf:
         a, b, seen_s, var = one.slope_x, one.slope_y, stand.t_s - one.age_s, one.var_m2
-        plane = plane_of(z - h, a, b, var, seen_s, one.tied, True)
+        plane = cells.plane_of(z - h, a, b, var, seen_s, one.tied, True)
         expect(cell, plane, one.ahead_m, one.aside_m, surface)
     if is_guess:
         _rise(at, one, surface)
@@ -301,7 +261,7 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     touch(at, surface.touched)
     part = part_bit(one.x_m, one.y_m, surface.ring.cell_m, limits.parts)
     doubt = GATE * math.sqrt(one.near_var_m2 + one.wander_m2 + one.noise_m2)
-    if under_parts(cell) & part:
+    if cells.under_parts(cell) & part:
         doubt /= GATE  # seen lower before: only what is as high as it should be is floor
     is_step, is_lower = abs(h) > GATE * sigma, cell.looks == 0 and one.near_m < -doubt
     drift = 0.0

@@ -14,41 +14,22 @@ import numpy as np
 from core.config import Config
 from core.grid.places import parts_of
 from core.grid.ring import RingGrid
-from core.grid.window import ObstacleWindow
+from core.grid.window import ObstacleWindow, Shown
 from core.mapping.along import REACH_M
-from core.mapping.body import BodyPose, body_pose_at
+from core.mapping.body import BodyPose, Sway, body_pose_at
 from core.mapping.causes import BEYOND_STEP, NO_FLOOR
 from core.mapping.freshness import Freshness
 from core.mapping.layers import LayerView, ages_at, at_cells, state_view, states_at, view_of
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
-from core.mapping.surface import constants
-from core.mapping.surface.cells import (
-    BLANK,
-    CELL,
-    LOOSE,
-    PLANE,
-    PLANES,
-    TIED,
-    Cells,
-    Limits,
-    Surface,
-    Touched,
-)
-from core.mapping.surface.constants import CLEAR, FLAT_M, GUESS, LIKELY, WITNESSES
-from core.mapping.surface.decision import Shown, decide_cells, list_causes, shown_of
-from core.mapping.surface.error import Room, Sway, SweepFilter, roll_on, set_right
+from core.mapping.surface import cells, constants, sweep
+from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface, Touched
+from core.mapping.surface.constants import ALIKE_S, CLEAR, FLAT_M, GUESS, LIKELY, WITNESSES
+from core.mapping.surface.decision import decide_cells, list_causes
+from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
 from core.mapping.surface.passing import follow_beams
-from core.mapping.surface.sweep import (
-    RETURN,
-    Beams,
-    agree,
-    find_faces,
-    find_witnesses,
-    hold,
-    noise_m2,
-)
+from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_witnesses, hold
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
@@ -100,17 +81,18 @@ def limits_of(config: Config) -> Limits:
     scanner, obstacle, mount_z_m = config.scanner, config.obstacle, config.scanner.mount_z_m
     tilt_rad = math.radians(max(0.0, scanner.mount_tilt_deg))
     far_m = mount_z_m / max(math.tan(tilt_rad), mount_z_m / REACH_M)
-    away_m = math.hypot(mount_z_m, far_m)
+    away_m, parts = math.hypot(mount_z_m, far_m), parts_of(config.map.cell_m)
     return Limits(
         h_pos_m=obstacle.h_pos_m,
         h_neg_m=obstacle.h_neg_m,
         height_m=config.robot.height_m,
         soft_m=obstacle.soft_free_below_m,
         guess_m2=(GUESS * obstacle.h_pos_m) ** 2,
-        noise_m2=noise_m2(away_m, mount_z_m / away_m, FLAT_M**2),
+        noise_m2=sweep.noise_m2(away_m, mount_z_m / away_m, FLAT_M**2),
         far_m=far_m,
         rises=0.5 * mount_z_m / far_m,
-        parts=parts_of(config.map.cell_m),
+        parts=parts,
+        row=min(parts, parts * parts - 1),
         block=max(1, round(constants.REACH_M / config.map.cell_m)),
     )
 
@@ -123,11 +105,11 @@ class SurfaceMaps:
         beams = scanner.options.spec.max_beams
         self._geometry = BeamGeometry.of(scanner)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
-        self.cells: Cells = self.grid.layer(CELL, BLANK)
+        self.cells: cells.Cells = self.grid.layer(CELL, cells.BLANK)
         self.window = ObstacleWindow(window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
-        self._error, self._sway = SweepFilter(), Sway(scanner.mount_x_m)
+        self._error, self._sway = SweepFilter(), Sway(ALIKE_S)
         self._surface = Surface(
             cells=with_fields(self.cells.reshape(-1)),
             tall=self.grid.layer(np.uint8, 0).reshape(-1),
@@ -139,12 +121,13 @@ class SurfaceMaps:
             own=self._error.own,
             P=self._error.P,
             touched=Touched.none(self.cells.size),
-            planes=records(PLANE, PLANES * PLANES),
+            planes=records(cells.PLANE, cells.PLANES * cells.PLANES),
             scan=np.zeros(1, np.int64),
         )
         self._returns = [records(RETURN, beams) for _ in range(2)]
         for echo in self._returns:
             echo["witness"] = -1
+        self._arm_m = scanner.mount_x_m
         self._faces = FaceMatcher(self.grid, beams)
         self._anchored = False  # some ground is tied to that under the wheels
 
@@ -153,7 +136,7 @@ class SurfaceMaps:
         nothing = np.zeros(0, dtype=np.int32)
         self.window.put(nothing, np.zeros(0, dtype=np.int8))
         self._error.warm()
-        decide_cells(nothing, self._surface, shown_of(self.window), 0)
+        decide_cells(nothing, self._surface, self.window.shown, 0)
         self.causes(nothing.astype(np.int64), nothing.astype(np.int64))
 
     @property
@@ -164,23 +147,24 @@ class SurfaceMaps:
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a sweep that attitude and odometry cover; how many returns it had."""
-        sweep = self._geometry.cast(scan, attitudes, odometry)
-        body = body_pose_at(sweep.t_s, attitudes, odometry)
-        passed_s, driven_m = self._error.follow(sweep.t_s, body.travel_m, attitudes.tilt.doubted)
-        lens_m2 = self._sway.follow(passed_s, body.slopes)
+        rays = self._geometry.cast(scan, attitudes, odometry)
+        body = body_pose_at(rays.t_s, attitudes, odometry)
+        passed_s, driven_m = self._error.follow(rays.t_s, body.travel_m, attitudes.tilt.doubted)
+        # a wheel that lifts the lens tips the body, by the lever from the axle to the lens
+        lens_m2 = FLAT_M**2 + (self._arm_m * self._sway.follow(passed_s, body.slopes)) ** 2
         self.grid.follow(body.x_m, body.y_m)
-        self.fresh.follow(sweep.t_s, body.x_m, body.y_m, body.heading)
+        self.fresh.follow(rays.t_s, body.x_m, body.y_m, body.heading)
         surface, window = self._stand(body), self.window
         entered = window.follow_in(self.grid, body.x_m, body.y_m)
-        shown, room = shown_of(window), self._error.room
+        shown, room = window.shown, self._error.room
         if entered.size:
             window.used = decide_cells(entered, surface, shown, window.used)
         roll_on(passed_s if driven_m else 0.0, surface, room)
-        own, n, ranges_m = self._error.own, len(sweep.rays), sweep.ranges_m
+        own, n, ranges_m = self._error.own, len(rays.rays), rays.ranges_m
         z_m = body.z_m - own[0] - own[3] * body.travel_m
         surface = self._stand(body._replace(z_m=z_m, slopes=self._sway.slopes))
         first, behind = (
-            Beams(sweep.origins, sweep.rays, ranges_m[k:], of[: n * (k < len(ranges_m))], lens_m2)
+            Beams(rays.origins, rays.rays, ranges_m[k:], of[: n * (k < len(ranges_m))], lens_m2)
             for k, of in enumerate(self._returns)
         )
         guess = LOOSE if self._anchored else TIED
@@ -190,7 +174,7 @@ class SurfaceMaps:
         if not self._anchored:
             seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]
             self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > WITNESSES
-        self._faces.set_right(sweep, first.returns["height_m"], body, odometry, is_sure=True)
+        self._faces.set_right(rays, first.returns["height_m"], body, odometry, is_sure=True)
         self.fresh.expire(window)
         return count
 
@@ -204,15 +188,14 @@ class SurfaceMaps:
         """Why the window shows what it does at world cells i, j (n,), by the rules that decide."""
         found: U8 = np.zeros(i.size, dtype=np.uint8)
         surface = self._stand(self._surface.stand)
-        list_causes(i, j, surface, shown_of(self.window), found)
+        list_causes(i, j, surface, self.window.shown, found)
         return found.astype(np.float64)
 
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
-        cells, own = self.cells, self._error.own
-        ground = cells["ground_m"] - own[3] * cells["arm_m"] - own[4] * cells["aside_m"]
-        heights_m: F64 = ground + self._over_ground_m()
-        return heights_m
+        own, arm_m, aside_m = self._error.own, self.cells["arm_m"], self.cells["aside_m"]
+        ground_m = self.cells["ground_m"] - own[3] * arm_m - own[4] * aside_m
+        return np.asarray(ground_m + self._over_ground_m())
 
     def heights_over_plane_m(self) -> F64:
         """The same over the plane on which the robot stands: what is always wrong tilts both."""
@@ -226,10 +209,8 @@ class SurfaceMaps:
 
     def _over_ground_m(self) -> F64:
         """How high what stands is, 0 where floor was seen, NaN elsewhere: (size, size)."""
-        cells = self.cells
-        stands = (cells["stands"] > 0.0) & np.isfinite(cells["top_m"])
-        floor = np.where(cells["looks"] > 0, 0.0, np.nan)
-        return np.where(stands, cells["top_m"], floor)
+        top_m, floor = self.cells["top_m"], np.where(self.cells["looks"] > 0, 0.0, np.nan)
+        return np.where((self.cells["stands"] > 0.0) & np.isfinite(top_m), top_m, floor)
 
     def _terrain(self) -> F32:
         """Slope, step and roughness (3, n) of all cells: slopes, what stands, and what lacks."""
@@ -243,21 +224,21 @@ class SurfaceMaps:
 
     def _maybe_ring(self, name: str) -> F64 | None:
         """A layer (size, size) of the grid."""
-        cells = self.cells
+        of, height_m = self.cells, self._over_ground_m()
+        is_seen = of["looks"] > 0
         if name == "height":
-            return self._over_ground_m()
+            return height_m
         if name == "z":
             return self.heights_m()
         if name == "variance":
-            return np.where(cells["looks"] > 0, cells["var_m2"], np.nan)
+            return np.where(is_seen, of["var_m2"], np.nan)
         if name == "slope":
-            slope = np.arctan(np.hypot(cells["slope_x"], cells["slope_y"]))
-            return np.where(cells["looks"] > 0, slope, np.nan)
+            return np.where(is_seen, np.arctan(np.hypot(of["slope_x"], of["slope_y"])), np.nan)
         if name == "soft":
-            soft = (cells["stands"] > 0.0) & (cells["soft"] >= LIKELY)
-            return np.where(np.isnan(self._over_ground_m()), np.nan, soft)
+            is_soft = (of["stands"] > 0.0) & (of["soft"] >= LIKELY)
+            return np.where(np.isnan(height_m), np.nan, is_soft)
         if name in JUDGED:
-            return np.asarray(self._terrain()[JUDGED.index(name)].reshape(cells.shape), float)
+            return np.asarray(self._terrain()[JUDGED.index(name)].reshape(of.shape), float)
         return None
 
     def maybe_layer(self, name: str) -> LayerView | None:
@@ -288,8 +269,8 @@ class SurfaceMaps:
         """What pitch and roll are always wrong by, (2,), as far as that is known."""
         return self._error.own[3:]
 
-    def go_on_from(self, at: I32, records: Cells, static_rad: F64) -> None:
-        """Cells of an earlier run by flat indices (n,), into a map that is empty."""
+    def go_on_from(self, at: I32, records: cells.Cells, static_rad: F64) -> None:
+        """cells.Cells of an earlier run by flat indices (n,), into a map that is empty."""
         self._surface.cells[at] = records
         self._surface.tall[at] = (records["stands"] > CLEAR) & np.isfinite(records["top_m"])
         self._error.own[3:] = static_rad

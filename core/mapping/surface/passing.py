@@ -8,32 +8,12 @@ import math
 from core.grid.places import cell_at, index_of, part_bit
 from core.mapping.along import STEP_M, first_place_m, places_along, share_of
 from core.mapping.rays import MIN_RANGE_M
+from core.mapping.surface import sweep
 from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at, touch
-from core.mapping.surface.constants import (
-    CLEAR,
-    DARK,
-    GAP_M,
-    GATE,
-    LEAST,
-    LOWERED,
-    PASS_LOW,
-    PASS_THROUGH,
-    THING_M,
-)
+from core.mapping.surface.constants import *
 from core.mapping.surface.error import arms_m2, parted_m2
 from core.mapping.surface.evidence import expect, lower, stay, vote
-from core.mapping.surface.sweep import (
-    BELOW,
-    FLOOR,
-    HIGH,
-    NONE,
-    Beams,
-    in_body,
-    noise_m2,
-    reach,
-    set_upright,
-    upright_line,
-)
+from core.mapping.surface.sweep import Beams, in_body, noise_m2, reach, upright_line
 from core.records import F64, I32
 from jit import kernel
 
@@ -70,7 +50,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
     limits, cell_m = surface.limits, surface.ring.cell_m
     if one.height_m > limits.h_pos_m:
         return  # nor is it low before
-    is_below = one.kind == BELOW
+    is_below = one.kind == sweep.BELOW
     is_low = one.height_m <= -GATE * math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
     step = cell_m / max(abs(ray[0]), abs(ray[1]))  # to the next row or column of cells
     if is_below:
@@ -106,7 +86,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
             if h * h > GATE * GATE * var:
                 lower(at, part_bit(x, y, cell_m, limits.parts), h, surface)
         if cell.under_m < math.inf and cell.looks == 0:  # where such a beam landed
-            if one.kind == FLOOR:
+            if one.kind == sweep.FLOOR:
                 floor_m = ground_of(surface.cells[one.at], surface.own)
                 cell.floor_m = floor_m - ground_of(cell, surface.own)
             elif one.height_m <= limits.h_neg_m:
@@ -146,7 +126,7 @@ def _miss(lens: F64, ray: F64, surface: Surface) -> None:
     limits, z, at, x, y = surface.limits, surface.stand.z_m, -1, 0.0, 0.0
     if ray[2] >= 0.0:
         return
-    lens_m = set_upright(lens[2], 0.0, 0.0, surface)
+    lens_m = sweep.set_upright(lens[2], 0.0, 0.0, surface)
     for _ in range(2):
         r = (z - lens_m) / ray[2]
         if not MIN_RANGE_M < r < math.sqrt(2.0) * limits.far_m:
@@ -174,7 +154,7 @@ def follow_beams(beams: Beams, surface: Surface, places: I32) -> None:
             if back - first >= DARK:
                 _miss(beams.lenses[b], beams.rays[b], surface)
             continue
-        if beams.returns[b].kind not in (HIGH, NONE):
+        if beams.returns[b].kind not in (sweep.HIGH, sweep.NONE):
             _pass_low(b, beams, surface)
         if (b + surface.scan[0]) % 2 == 0:  # the others in the next scan
             _pass_through(b, beams, surface, places)

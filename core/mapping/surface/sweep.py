@@ -18,38 +18,9 @@ import numpy as np
 
 from core.grid.places import cell_at, from_centre, index_of
 from core.mapping.rays import MIN_RANGE_M
-from core.mapping.surface.cells import (
-    LOOSE,
-    NOWHERE,
-    TIED,
-    Limits,
-    Plane,
-    Surface,
-    ground_of,
-    grown,
-    height_over,
-    plane_at,
-    plane_of,
-)
-from core.mapping.surface.constants import (
-    BESIDE,
-    BINS,
-    CARRY_M,
-    GAP_M,
-    GATE,
-    HIT,
-    KNOWN,
-    RARE,
-    REACH,
-    SHARE,
-    SIGMA_ANGLE_RAD,
-    SIGMA_RANGE_M,
-    STEEP,
-    STEEPEST,
-    THING_M,
-    WIDE,
-    WITNESSES,
-)
+from core.mapping.surface import cells
+from core.mapping.surface.cells import NOWHERE, Plane, Surface, ground_of, plane_of
+from core.mapping.surface.constants import *
 from core.records import F64
 from jit import Record, Records, fields, kernel
 
@@ -127,7 +98,7 @@ def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surf
             cell = surface.cells[at]
             kept = 1.0 / (1.0 + away / CARRY_M)
             dx, dy = x - bx + from_centre(bx, cell_m), y - by + from_centre(by, cell_m)
-            var = grown(cell.var_m2, math.sqrt(dx * dx + dy * dy))
+            var = cells.grown(cell.var_m2, math.sqrt(dx * dx + dy * dy))
             z = ground_of(cell, surface.own) + kept * cell.slope_x * dx + kept * cell.slope_y * dy
             is_before = side < 0.0
             return plane_of(z, cell.slope_x, cell.slope_y, var, cell.floor_s, cell.tied, is_before)
@@ -143,7 +114,7 @@ def reach(x: float, y: float, r: float, ray: F64, surface: Surface) -> Plane:
         return plane
     dx, dy, (a, b) = x - stand.x_m, y - stand.y_m, stand.slopes
     var = (0.5 * STEEP) ** 2 * (dx * dx + dy * dy)
-    return Plane(stand.z_m + a * dx + b * dy, a, b, var, stand.t_s, TIED, False)
+    return Plane(stand.z_m + a * dx + b * dy, a, b, var, stand.t_s, cells.TIED, False)
 
 
 @kernel
@@ -153,7 +124,7 @@ def _between(near: Plane, far: Plane) -> Plane:
         return near
     share = near.var_m2 / (near.var_m2 + far.var_m2)
     z, var = near.z_m + share * (far.z_m - near.z_m), share * far.var_m2
-    tied = near.tied if far.tied == near.tied else LOOSE
+    tied = near.tied if far.tied == near.tied else cells.LOOSE
     return Plane(z, near.slope_x, near.slope_y, var, near.seen_s, tied, near.is_before)
 
 
@@ -189,7 +160,7 @@ def hold(beams: Beams, surface: Surface) -> int:
                     cell.floor_s, cell.tied, True,
                 )  # fmt: skip
             else:
-                near = plane = plane_at(i, j, surface)
+                near = plane = cells.plane_at(i, j, surface)
                 if not (plane.var_m2 < math.inf and z > plane.z_m + surface.limits.h_pos_m):
                     near = reach(x - cx, y - cy, r, ray, surface)
                 if plane.var_m2 == math.inf:
@@ -249,7 +220,7 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
             if at >= 0 and cell.looks > 0 and cell.stands <= KNOWN:
                 ahead, aside = in_body(x, y, surface)
                 z = set_upright(lens[2] + r * ray[2], ahead, aside, surface)
-                off = height_over(cell, x, y, z, surface)
+                off = cells.height_over(cell, x, y, z, surface)
                 if k == 0 or off < 0.0:  # else it passes over it
                     one.witness, one.off_m = at, off
                     one.witness_ahead_m, one.witness_aside_m = ahead, aside
@@ -260,7 +231,7 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
 
 
 @kernel
-def agree(returns: Records, tied: int, limits: Limits, bins: F64) -> None:
+def agree(returns: Records, tied: int, limits: cells.Limits, bins: F64) -> None:
     """Where ground is a guess for most returns, those are floor of which most lie at one height.
 
     It is tied to what `tied` says. bins (BINS,): room to count in.

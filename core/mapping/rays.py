@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from core.config import Scanner
 from core.geometry import R_from_rpy
-from core.motion.attitude import AttitudeRing, q_at
+from core.motion.attitude import AttitudeRing, q_between
 from core.motion.odometry import Odometry
 from core.records import F64, PointSweep, Scan
 from jit import kernel
@@ -84,13 +84,14 @@ def _cast(
     n, kept = times_s.size, attitude_t_s.size
     cy, sy = math.cos(-yaw_start_rad), math.sin(-yaw_start_rad)
     a = newest = (start + count - 2) % kept  # the sample before a beam: near the last one's
+    b = (a + 1) % kept  # and the one after it
     for i in range(n):
         at_s = times_s[i]
-        while a != newest and attitude_t_s[(a + 1) % kept] <= at_s:
-            a = (a + 1) % kept
+        while a != newest and attitude_t_s[b] <= at_s:
+            a, b = b, b + 1 if b + 1 < kept else 0
         while a != start and attitude_t_s[a] > at_s:
-            a = (a - 1) % kept
-        q_at(attitude_t_s, q_earth_body, a, 2, at_s, q)
+            a, b = a - 1 if a > 0 else kept - 1, a
+        q_between(attitude_t_s, q_earth_body, a, b, at_s, q)
         share = i / (n - 1) if n > 1 else 0.0
         ray = _turned(q, cy, sy, _placed(NO_ARM, R_body_sensor, directions[i]))
         arm = _turned(q, cy, sy, _placed(t_body_sensor, R_body_sensor, origins[i]))

@@ -13,7 +13,7 @@ from bisect import bisect
 
 import numpy as np
 
-from core.grid.places import flat_index
+from core.grid.places import Ring, cell_at
 from core.grid.ring import RingGrid
 from core.mapping.body import BodyPose
 from core.mapping.rays import MIN_RANGE_M, Sweep
@@ -70,15 +70,13 @@ def _normal(
 @kernel
 def _off(
     x: float, y: float, normal: tuple[float, float], segment: int,
-    window: tuple[int, int, int, float], faces: Records,
+    ring: Ring, faces: Records,
 ) -> float:  # fmt: skip
     """How far a return lies ahead of the nearest known face; inf: there is none near."""
     best = math.inf
     for step in range(-1, 2):
-        away = step * window[3]
-        at = flat_index(
-            x + away * normal[0], y + away * normal[1], window[3], (window[0], window[1]), window[2]
-        )
+        away = step * ring.cell_m
+        at = cell_at(x + away * normal[0], y + away * normal[1], ring)
         if at < 0 or faces[at].segment != segment or faces[at].n < KNOWN:
             continue
         face = faces[at]
@@ -91,7 +89,7 @@ def _off(
 @kernel
 def _offsets_of(
     origins: F64, rays: F64, ranges_m: F64, heights_m: F64, heading: tuple[float, float],
-    segment: int, window: tuple[int, int, int, float], faces: Records, offsets_m: F64,
+    segment: int, ring: Ring, faces: Records, offsets_m: F64,
 ) -> int:  # fmt: skip
     """How far (k,) along the way returns lie ahead of the faces they belong to; learns new ones."""
     n, (hx, hy) = 0, heading
@@ -100,7 +98,7 @@ def _offsets_of(
         if not r >= MIN_RANGE_M:
             continue
         x, y = origins[b, 0] + r * rays[b, 0], origins[b, 1] + r * rays[b, 1]
-        at, height = flat_index(x, y, window[3], (window[0], window[1]), window[2]), heights_m[b]
+        at, height = cell_at(x, y, ring), heights_m[b]
         if at < 0:
             continue
         face = faces[at]
@@ -112,7 +110,7 @@ def _offsets_of(
         normal = _normal(origins, rays, ranges_m, b, hx, hy)
         if math.isnan(normal[0]):
             continue
-        off_m = _off(x, y, normal, segment, window, faces)
+        off_m = _off(x, y, normal, segment, ring, faces)
         if off_m < math.inf:
             offsets_m[n] = off_m / (normal[0] * hx + normal[1] * hy)
             n += 1
@@ -155,13 +153,13 @@ class FaceMatcher:
 
     def maybe_offset_m(self, sweep: Sweep, heights_m: F64, body: BodyPose) -> float | None:
         """How far ahead of its faces a sweep sees them, if enough of its returns agree."""
-        grid, (hx, hy) = self._grid, body.heading
+        hx, hy = body.heading
         if not self._heading[0] * hx + self._heading[1] * hy >= SAME_SEGMENT:
             self._segment, self._heading = self._segment + 1, body.heading
             self._slip.restart()
         n = _offsets_of(
             sweep.origins, sweep.rays, sweep.ranges_m, heights_m, body.heading, self._segment,
-            (grid.corner_i, grid.corner_j, grid.size, grid.cell_m), self._faces, self._offsets_m,
+            self._grid.ring, self._faces, self._offsets_m,
         )  # fmt: skip
         if n < LEAST:
             return None

@@ -10,6 +10,7 @@ from core.mapping.body import BodyPose
 from core.mapping.surface.cells import (
     BLANK,
     CELL,
+    NOW,
     PART_BITS,
     PLANE,
     PLANES,
@@ -28,7 +29,7 @@ from jit import Records, records
 FAR_M = 8.2  # where a level sweep meets the ground
 RISES = 0.06  # half the tilt of the scan plane
 NOISE_M2 = 1e-4  # of a return
-LIMITS = Limits(0.10, -0.10, 1.30, 0.0, 0.04**2, NOISE_M2, FAR_M, RISES, 4, 1)
+LIMITS = Limits(0.10, -0.10, 1.30, 0.0, 0.04**2, NOISE_M2, FAR_M, RISES, 4, 4, 1)
 
 
 def standing(x_m: float = 0.0, y_m: float = 0.0, t_s: float = 0.0, way_m: float = 0.0) -> BodyPose:
@@ -67,7 +68,7 @@ class GroundCells:
             P=np.zeros((5, 5)),
             touched=self.touched,
             planes=records(PLANE, PLANES * PLANES),
-            scan=np.zeros(1, np.int64),
+            now=records(NOW),
         )
 
     def at(self, i: int, j: int) -> int:
@@ -84,7 +85,7 @@ class GroundCells:
 
     def plane(self, i: int, j: int, x_m: float, y_m: float) -> Plane:
         """The ground at a world cell by that around it, for a robot that stands there."""
-        self.surface.scan[0] += 1  # what was worked out before holds no more
+        self.surface.now["sweep"] += 1  # what was worked out before holds no more
         return plane_at(i, j, self.surface._replace(stand=standing(x_m, y_m)))
 
 

@@ -26,7 +26,7 @@ import numpy.typing as npt
 from core.grid.places import Ring, from_centre, index_of
 from core.mapping.body import BodyPose
 from core.mapping.surface.constants import *
-from core.records import F64, I8, I32, I64, U8
+from core.records import F64, I8, I32, U8
 from jit import Record, Records, fields, kernel
 
 Cells = npt.NDArray[Any]  # flat, of CELL
@@ -67,6 +67,12 @@ PLANE = np.dtype(
         *fields(np.int64, "i j"),  # about which cell of it
         *fields(np.float64, "z_m slope_x slope_y var_m2 seen_s"),  # as in `Plane`
         *fields(np.int64, "tied is_before"),
+    ]
+)
+NOW = np.dtype(
+    [
+        ("sweep", np.int64),  # counts them
+        ("wheels_m", np.float64),  # height on which the robot stands
     ]
 )
 
@@ -118,7 +124,7 @@ class Surface(NamedTuple):
     P: F64  # (5, 5) its covariance
     touched: Touched
     planes: Records  # (PLANES * PLANES,)
-    scan: I64  # (1,) counts sweeps
+    now: Records  # (1,) of NOW
 
 
 class Plane(NamedTuple):
@@ -192,7 +198,7 @@ def plane_at(i: int, j: int, surface: Surface) -> Plane:
 
     It is worked out once a scan for all cells of a block: about the one that is asked for first.
     """
-    block, scan, cell_m = surface.limits.block, surface.scan[0], surface.ring.cell_m
+    block, scan, cell_m = surface.limits.block, surface.now[0].sweep, surface.ring.cell_m
     block_i, block_j = (i // block, j // block) if block > 1 else (i, j)
     one = surface.planes[block_j % PLANES * PLANES + block_i % PLANES]
     if one.scan != scan or one.block_i != block_i or one.block_j != block_j:

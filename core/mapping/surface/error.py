@@ -46,10 +46,15 @@ class Room(NamedTuple):
 
 
 @kernel
-def parted_m2(ahead: float, aside: float, age_s: float) -> float:
-    """Variance of what the attitude has wandered between two looks at a place."""
-    share = 1.0 - math.exp(-age_s / FAST_S)
-    return 2.0 * SIGMA_FAST_RAD**2 * share * (ahead * ahead + aside * aside)
+def wandered(age_s: float) -> float:
+    """Variance of what the attitude has wandered between two looks at a place, rad^2."""
+    return 2.0 * SIGMA_FAST_RAD**2 * (1.0 - math.exp(-age_s / FAST_S))
+
+
+@kernel
+def parted_m2(ahead: float, aside: float, wander_rad2: float) -> float:
+    """The same of a height, so far ahead and aside, by that."""
+    return wander_rad2 * (ahead * ahead + aside * aside)
 
 
 @kernel
@@ -101,22 +106,23 @@ def roll_on(passed_s: float, surface: Surface, room: Room) -> None:
     """
     stand, own, h = surface.stand, surface.own, room.h
     at = cell_at(stand.x_m, stand.y_m, surface.ring)
-    if at < 0 or surface.cells[at].looks == 0 or passed_s <= 0.0:
-        return
-    cell = surface.cells[at]
-    _row(0.0, 0.0, stand.travel_m, cell, h)
-    z = stand.z_m - own[0] - own[3] * stand.travel_m
-    off = height_over(cell, stand.x_m, stand.y_m, z, surface)
-    var = cell.var_m2 + FLAT_M * FLAT_M + (SIGMA_FAST_RAD * surface.limits.far_m) ** 2
-    if off * off <= GATE * GATE * (var + spread(h, surface.P)):
-        # cells one behind the other were laid with one error
-        correct(surface.P, own, h, off, 2.0 * FAST_S * var / passed_s, room.told.Ph)
+    cell = surface.cells[max(0, at)]
+    if at >= 0 and cell.looks > 0 and passed_s > 0.0:
+        _row(0.0, 0.0, stand.travel_m, cell, h)
+        z = stand.z_m - own[0] - own[3] * stand.travel_m
+        off = height_over(cell, stand.x_m, stand.y_m, z, surface)
+        var = cell.var_m2 + FLAT_M * FLAT_M + (SIGMA_FAST_RAD * surface.limits.far_m) ** 2
+        if off * off <= GATE * GATE * (var + spread(h, surface.P)):
+            # cells one behind the other were laid with one error
+            correct(surface.P, own, h, off, 2.0 * FAST_S * var / passed_s, room.told.Ph)
+    surface.now[0].wheels_m = stand.z_m - own[0] - own[3] * stand.travel_m
 
 
 @kernel
 def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float:
     """Sum what the witnesses say into `room.told`; how many of them are of one mind."""
     h, M, y, gone, total, stand = room.h, room.told.M, room.told.y, room.gone, 0.0, surface.stand
+    last, age_s, wander_rad2 = -1, 0.0, 0.0
     M[:] = 0.0
     y[:] = 0.0
     for b in range(returns.size):
@@ -126,17 +132,19 @@ def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float
         cell = surface.cells[one.witness]
         a, s = one.witness_ahead_m, one.witness_aside_m
         _row(a, s, stand.travel_m, cell, h)
-        age_s = stand.t_s - cell.floor_s
+        if one.witness != last:
+            last, age_s = one.witness, stand.t_s - cell.floor_s
+            wander_rad2 = wandered(age_s)
         if age_s < FAST_S:  # what differs so soon is the fast part
             h[3] = h[4] = 0.0
         off = one.off_m
         for k in range(STATES):
             off -= h[k] * gone[k]
-        var, wandered = cell.var_m2 + FLAT_M * FLAT_M + one.noise_m2, parted_m2(a, s, age_s)
-        share = 1.0 - off * off / (GATE * GATE * (var + wandered + spread(h, surface.P)))
+        var, wander = cell.var_m2 + FLAT_M * FLAT_M + one.noise_m2, parted_m2(a, s, wander_rad2)
+        share = 1.0 - off * off / (GATE * GATE * (var + wander + spread(h, surface.P)))
         if share <= 0.0:
             continue
-        w = share * share / (ALIKE_S * var / cells + 2.0 * min(age_s, FAST_S) * wandered)
+        w = share * share / (ALIKE_S * var / cells + 2.0 * min(age_s, FAST_S) * wander)
         total += share * share
         for i in range(STATES):
             y[i] += w * h[i] * one.off_m
@@ -177,6 +185,7 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
     for k in range(STATES):
         surface.own[k] += gone[k]
     _copy(now, surface.P)
+    age_s, wander_rad2 = 0.0, 0.0
     for b in range(returns.size):
         one = returns[b]
         if one.at < 0:
@@ -184,7 +193,9 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
         a, s, cell = one.ahead_m, one.aside_m, surface.cells[one.at]
         error = gone[0] + gone[1] * a + gone[2] * s
         one.z_m -= error + gone[3] * (a + travel_m) + gone[4] * s
-        wander = parted_m2(a, s, one.age_s)
+        if one.age_s != age_s:
+            age_s, wander_rad2 = one.age_s, wandered(one.age_s)
+        wander = parted_m2(a, s, wander_rad2)
         if cell.looks > 0:
             error += gone[3] * (a + travel_m - cell.arm_m) + gone[4] * (s - cell.aside_m)
             wander += arms_m2(a, s, cell, surface)

@@ -46,13 +46,14 @@ EVIDENCE = {  # fields of a cell, by what they tell
 
 @kernel
 def take_sweep(
-    first: Beams, behind: Beams, passed_s: float, guess: int, surface: Surface, room: Room,
-    shown: Shown, used: int,
+    first: Beams, behind: Beams, passed_s: float, rolled_s: float, guess: int, surface: Surface,
+    room: Room, shown: Shown, used: int,
 ) -> tuple[int, int]:  # fmt: skip
     """A sweep's first echoes, and what ends behind those; the first ones alone set it right.
 
     Args:
         behind: the second echoes; of no returns where there are none.
+        passed_s, rolled_s: since the last scan; and if the robot has moved, else 0.
         guess: what ground is tied to on which most returns agree.
 
     Returns:
@@ -60,6 +61,7 @@ def take_sweep(
     """
     touched = surface.touched
     touched.used[0] = 0
+    roll_on(rolled_s, surface, room)
     count = hold(first, surface)
     find_faces(first.returns)
     agree(first.returns, guess, surface.limits, room.bins)
@@ -122,7 +124,7 @@ class SurfaceMaps:
             P=self._error.P,
             touched=Touched.none(self.cells.size),
             planes=records(cells.PLANE, cells.PLANES * cells.PLANES),
-            scan=np.zeros(1, np.int64),
+            now=records(cells.NOW),
         )
         self._returns = [records(RETURN, beams) for _ in range(2)]
         for echo in self._returns:
@@ -154,22 +156,19 @@ class SurfaceMaps:
         lens_m2 = FLAT_M**2 + (self._arm_m * self._sway.follow(passed_s, body.slopes)) ** 2
         self.grid.follow(body.x_m, body.y_m)
         self.fresh.follow(rays.t_s, body.x_m, body.y_m, body.heading)
-        surface, window = self._stand(body), self.window
+        surface, window = self._stand(body._replace(slopes=self._sway.slopes)), self.window
         entered = window.follow_in(self.grid, body.x_m, body.y_m)
         shown, room = window.shown, self._error.room
         if entered.size:
             window.used = decide_cells(entered, surface, shown, window.used)
-        roll_on(passed_s if driven_m else 0.0, surface, room)
-        own, n, ranges_m = self._error.own, len(rays.rays), rays.ranges_m
-        z_m = body.z_m - own[0] - own[3] * body.travel_m
-        surface = self._stand(body._replace(z_m=z_m, slopes=self._sway.slopes))
+        n, ranges_m = len(rays.rays), rays.ranges_m
         first, behind = (
             Beams(rays.origins, rays.rays, ranges_m[k:], of[: n * (k < len(ranges_m))], lens_m2)
             for k, of in enumerate(self._returns)
         )
-        guess = LOOSE if self._anchored else TIED
+        guess, rolled_s = LOOSE if self._anchored else TIED, passed_s if driven_m else 0.0
         count, window.used = take_sweep(
-            first, behind, passed_s, guess, surface, room, shown, window.used
+            first, behind, passed_s, rolled_s, guess, surface, room, shown, window.used
         )
         if not self._anchored:
             seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]
@@ -205,7 +204,7 @@ class SurfaceMaps:
         y_m = grid.corner_j + (places - grid.corner_j) % grid.size + 0.5
         dx_m, dy_m = x_m * grid.cell_m - stand.x_m, y_m * grid.cell_m - stand.y_m
         along = stand.slopes[0] * dx_m[None, :] + stand.slopes[1] * dy_m[:, None]
-        return np.asarray(self.heights_m() - stand.z_m - along)
+        return np.asarray(self.heights_m() - self._surface.now["wheels_m"][0] - along)
 
     def _over_ground_m(self) -> F64:
         """How high what stands is, 0 where floor was seen, NaN elsewhere: (size, size)."""

@@ -11,7 +11,7 @@ from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface import sweep
 from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at, touch
 from core.mapping.surface.constants import *
-from core.mapping.surface.error import arms_m2, parted_m2
+from core.mapping.surface.error import arms_m2, parted_m2, wandered
 from core.mapping.surface.evidence import expect, lower, stay, vote
 from core.mapping.surface.sweep import Beams, in_body, noise_m2, reach, upright_line
 from core.records import F64, I32
@@ -57,7 +57,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
         step, last, r = 0.25 * step, -1, end
     else:
         step, last = max(step, STEP_M), one.at
-        r = end + (1.0 - share_of(b, surface.scan[0])) * step
+        r = end + (1.0 - share_of(b, surface.now[0].sweep)) * step
     lens_z, rise = upright_line(lens, ray, surface)
     while r - step > MIN_RANGE_M and end - r < GAP_M:
         r -= step
@@ -82,7 +82,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
         if h < 0.0:
             (ahead, aside), age_s = in_body(x, y, surface), surface.stand.t_s - cell.floor_s
             var = noise_m2(r, ray[2], beams.lens_m2) + cell.var_m2
-            var += parted_m2(ahead, aside, age_s) + arms_m2(ahead, aside, cell, surface)
+            var += parted_m2(ahead, aside, wandered(age_s)) + arms_m2(ahead, aside, cell, surface)
             if h * h > GATE * GATE * var:
                 lower(at, part_bit(x, y, cell_m, limits.parts), h, surface)
         if cell.under_m < math.inf and cell.looks == 0:  # where such a beam landed
@@ -98,7 +98,7 @@ def _pass_through(b: int, beams: Beams, surface: Surface, places: I32) -> None:
     """Along a beam: where something stood at its height, and does not stop it, it may be gone."""
     lens, ray, end, ring = beams.lenses[b], beams.rays[b], beams.ranges_m[0, b], surface.ring
     window = (ring.corner_i, ring.corner_j, ring.size, ring.cell_m)
-    tall, seen_s, first_m = surface.tall, surface.seen_s, first_place_m(b, surface.scan[0])
+    tall, seen_s, first_m = surface.tall, surface.seen_s, first_place_m(b, surface.now[0].sweep)
     # on its way up, what comes in would stop the beam as little
     oldest_s = surface.oldest_s if ray[2] < 0.0 else math.inf
     lens_z, rise = upright_line(lens, ray, surface)
@@ -123,7 +123,7 @@ def _miss(lens: F64, ray: F64, surface: Surface) -> None:
 
     Level ground is met within 45 degrees of ahead at sqrt 2 times far_m at most.
     """
-    limits, z, at, x, y = surface.limits, surface.stand.z_m, -1, 0.0, 0.0
+    limits, z, at, x, y = surface.limits, surface.now[0].wheels_m, -1, 0.0, 0.0
     if ray[2] >= 0.0:
         return
     lens_m = sweep.set_upright(lens[2], 0.0, 0.0, surface)
@@ -156,5 +156,5 @@ def follow_beams(beams: Beams, surface: Surface, places: I32) -> None:
             continue
         if beams.returns[b].kind not in (sweep.HIGH, sweep.NONE):
             _pass_low(b, beams, surface)
-        if (b + surface.scan[0]) % 2 == 0:  # the others in the next scan
+        if (b + surface.now[0].sweep) % 2 == 0:  # the others in the next scan
             _pass_through(b, beams, surface, places)

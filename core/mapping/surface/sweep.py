@@ -114,7 +114,8 @@ def reach(x: float, y: float, r: float, ray: F64, surface: Surface) -> Plane:
         return plane
     dx, dy, (a, b) = x - stand.x_m, y - stand.y_m, stand.slopes
     var = (0.5 * STEEP) ** 2 * (dx * dx + dy * dy)
-    return Plane(stand.z_m + a * dx + b * dy, a, b, var, stand.t_s, cells.TIED, False)
+    z = surface.now[0].wheels_m + a * dx + b * dy
+    return Plane(z, a, b, var, stand.t_s, cells.TIED, False)
 
 
 @kernel
@@ -132,7 +133,7 @@ def _between(near: Plane, far: Plane) -> Plane:
 def hold(beams: Beams, surface: Surface) -> int:
     """Each first return against the ground where it lies, into its RETURN; how many there are."""
     last, count, plane, near, ring = -2, 0, NOWHERE, NOWHERE, surface.ring
-    surface.scan[0] += 1
+    surface.now[0].sweep += 1
     for b in range(beams.returns.size):
         one, r = beams.returns[b], beams.ranges_m[0, b]
         one.at, one.kind = -1, NONE
@@ -212,7 +213,7 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
         one.witness = -1
         if one.at < 0:
             continue
-        r, step = beams.ranges_m[0, b], surface.ring.cell_m / math.hypot(ray[0], ray[1])
+        r = beams.ranges_m[0, b]
         for k in range(1 + REACH):
             x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
             at = cell_at(x, y, surface.ring)
@@ -227,7 +228,7 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
                 break
             if one.height_m >= 0.0:
                 break
-            r -= step
+            r -= surface.ring.cell_m / math.hypot(ray[0], ray[1])
 
 
 @kernel

@@ -2,9 +2,9 @@
 
 import pytest
 
-from core.mapping.surface.cells import APART, LOOSE, NEWLY_TIED, TIED, touch
+from core.mapping.surface.cells import APART, LOOSE, TIED, touch
 from core.mapping.surface.constants import FRONT
-from core.mapping.surface.evidence import spread_ties, tie
+from core.mapping.surface.evidence import NEWLY_TIED, spread_ties, tie
 from tests.support.ground_cells import GroundCells
 
 

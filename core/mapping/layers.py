@@ -16,6 +16,7 @@ from core.grid.window import ObstacleWindow
 from core.mapping.beams.cells import CellGrid, Cells
 from core.mapping.beams.classifier import is_soft
 from core.mapping.freshness import Freshness
+from core.mapping.surface.constants import LIKELY
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.records import F64, I64, UNKNOWN
 from jit import kernel
@@ -135,3 +136,44 @@ def maybe_beams_values(
     if name == "variance":  # one return has no spread, and is not therefore exact
         values[values == 0.0] = np.nan
     return values
+
+
+def heights_of(cells: Cells, static_rad: F64) -> F64:
+    """Of method `surface`, (size, size), map frame: what stands, else the ground; NaN: none.
+
+    static_rad (2,): what pitch and roll are always wrong by.
+    """
+    tilt_m = static_rad[0] * cells["arm_m"] + static_rad[1] * cells["aside_m"]
+    return np.asarray(cells["ground_m"] - tilt_m + _over_ground_m(cells))
+
+
+def _over_ground_m(cells: Cells) -> F64:
+    """Of method `surface`: how high what stands is, 0 where floor was seen, NaN elsewhere."""
+    top_m, floor = cells["top_m"], np.where(cells["looks"] > 0, 0.0, np.nan)
+    return np.where((cells["stands"] > 0.0) & np.isfinite(top_m), top_m, floor)
+
+
+def maybe_surface_ring(name: str, cells: Cells, static_rad: F64, grid: RingGrid) -> F64 | None:
+    """A layer (size, size) of method `surface`, as `heights_of`; none where there is no such."""
+    height_m, is_seen = _over_ground_m(cells), cells["looks"] > 0
+    steep_x, steep_y = cells["slope_x"], cells["slope_y"]
+    if name == "height":
+        return height_m
+    if name == "z":
+        return heights_of(cells, static_rad)
+    if name == "variance":
+        return np.where(is_seen, cells["var_m2"], np.nan)
+    if name == "slope":
+        return np.where(is_seen, np.arctan(np.hypot(steep_x, steep_y)), np.nan)
+    if name == "soft":
+        is_soft = (cells["stands"] > 0.0) & (cells["soft"] >= LIKELY)
+        return np.where(np.isnan(height_m), np.nan, is_soft)
+    if name not in JUDGED:
+        return None
+    near, z_m = around(grid, np.arange(cells.size)), heights_of(cells, static_rad).reshape(-1)
+    stands_m = np.where(cells["stands"] > 0.0, np.maximum(0.0, cells["top_m"]), 0.0)
+    relief_m = stands_m - np.minimum(0.0, cells["under_m"])  # slopes, what stands, what lacks
+    relief_m += grid.cell_m * (np.abs(steep_x) + np.abs(steep_y))
+    z_m = np.where(near >= 0, z_m[near], np.nan)
+    judged = terrain_of(z_m, relief_m.reshape(-1), grid.cell_m)[JUDGED.index(name)]
+    return np.asarray(judged.reshape(cells.shape), float)

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from core.motion.kalman import begin
 from core.motion.kalman import correct as take
 from core.records import F64
 from jit import Records, allocating_kernel, kernel, records
@@ -102,9 +103,7 @@ def define(P: F64, row: int, like: int, sign: float, variance: float) -> None:
 @kernel
 def forget(P: F64, row: int, variance: float) -> None:
     """Begin a state anew that has to do with no other one."""
-    for n in range(SIZE):
-        P[row, n] = P[n, row] = 0.0
-    P[row, row] = variance
+    begin(P, row, variance)
 
 
 class ErrorState:

@@ -1,4 +1,6 @@
-"""A Kalman filter's update, by one scalar measurement after another; for any number of states.
+"""What a Kalman filter does with time, and with one scalar measurement after another.
+
+For any number of states, `value` (n,), with the covariance P (n, n).
 
 Information M, y of many measurements, of which each says y = M value, is made into such ones:
 M = C C' by Cholesky, and each column c of C is a measurement of its own, v = c value, of variance
@@ -36,6 +38,35 @@ def spread(h: F64, P: F64) -> float:
         for k in range(h.size):
             total += h[i] * P[i, k] * h[k]
     return total
+
+
+@kernel
+def follow(P: F64, value: F64, one: int, other: int, times: float) -> None:
+    """A state goes on by so many times another one."""
+    value[one] += value[other] * times
+    for k in range(value.size):
+        P[one, k] += times * P[other, k]
+    for k in range(value.size):
+        P[k, one] += times * P[k, other]
+
+
+@kernel
+def fade(P: F64, value: F64, one: int, kept: float, variance: float) -> None:
+    """A share of a state is kept; it wanders by so much."""
+    value[one] *= kept
+    for k in range(value.size):
+        P[one, k] *= kept
+    for k in range(value.size):
+        P[k, one] *= kept
+    P[one, one] += variance
+
+
+@kernel
+def begin(P: F64, one: int, variance: float) -> None:
+    """Begin a state anew that has to do with no other one."""
+    for k in range(P.shape[0]):
+        P[one, k] = P[k, one] = 0.0
+    P[one, one] = variance
 
 
 @kernel

@@ -65,17 +65,31 @@ def view_of(name: str, app: App) -> MapView:
     return MapView(name, grid.corner_i, grid.corner_j, grid.cell_m, states, heights_m, place)
 
 
+def heights_over_plane_m(maps: SurfaceMaps) -> F64:
+    """Over the plane on which the robot stands: what is always wrong with the attitude tilts both.
+
+    (size, size), [j, i] from the world cell (corner_i, corner_j) on.
+    """
+    grid, stand = maps.grid, maps.stand
+    middles_m = (np.arange(grid.size) + 0.5) * grid.cell_m
+    dx_m = grid.corner_i * grid.cell_m + middles_m - stand.x_m
+    dy_m = grid.corner_j * grid.cell_m + middles_m - stand.y_m
+    plane_m = stand.z_m + stand.slopes[0] * dx_m[None, :] + stand.slopes[1] * dy_m[:, None]
+    return np.asarray(straightened(grid, maps.heights_m()) - plane_m)
+
+
 def _heights_m(maps: Maps) -> F64:
     if isinstance(maps, ReferencePlaneMaps):
         return straightened(maps.window.grid, maps.heights_m())
     if isinstance(maps, SurfaceMaps):
-        grid, seen = maps.grid, maps.heights_over_plane_m()
+        grid, straight = maps.grid, heights_over_plane_m(maps)
     else:
         assert isinstance(maps, BeamMaps)
         grid = maps.elevation.grid
         seen = np.where(maps.elevation.count > 0, maps.elevation.mean_m, np.nan)
+        straight = straightened(grid, seen)
     window = maps.window.grid
-    wide = np.pad(straightened(grid, seen), window.size, constant_values=np.nan)
+    wide = np.pad(straight, window.size, constant_values=np.nan)
     j, i = (
         window.size + at - begin
         for at, begin in ((window.corner_j, grid.corner_j), (window.corner_i, grid.corner_i))

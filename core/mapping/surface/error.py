@@ -27,7 +27,7 @@ from core.grid.places import cell_at
 from core.mapping.along import MOST_PLACES
 from core.mapping.surface.cells import Surface, height_over
 from core.mapping.surface.constants import *
-from core.motion.kalman import Information, correct, join, spread
+from core.motion.kalman import Information, begin, correct, fade, follow, join, spread
 from core.records import F64, I32
 from jit import Record, Records, kernel
 
@@ -67,28 +67,17 @@ def arms_m2(ahead: float, aside: float, cell: Record, surface: Surface) -> float
 @kernel
 def forget(passed_s: float, driven_m: float, own: F64, P: F64) -> None:
     """What a while and a signed way make of the error `own` (5,) and its covariance P (5, 5)."""
-    kept, S2 = math.exp(-passed_s / FAST_S), SIGMA_FAST_RAD**2
-    own[0] += own[1] * driven_m
-    for k in range(STATES):
-        P[0, k] += driven_m * P[1, k]
-    for k in range(STATES):
-        P[k, 0] += driven_m * P[k, 1]
-    for m in range(1, 3):
-        own[m] *= kept
-        for k in range(STATES):
-            P[m, k] *= kept
-        for k in range(STATES):
-            P[k, m] *= kept
-        P[m, m] += (1.0 - kept * kept) * S2
+    kept = math.exp(-passed_s / FAST_S)
+    follow(P, own, 0, 1, driven_m)
+    for fast in range(1, 3):
+        fade(P, own, fast, kept, (1.0 - kept * kept) * SIGMA_FAST_RAD**2)
 
 
 @kernel
 def jump(P: F64) -> None:
     """The tilt filter has gone over to other angles: nothing is known of the fast part."""
-    for m in range(1, 3):
-        P[m, :] = 0.0
-        P[:, m] = 0.0
-        P[m, m] = SIGMA_JUMP_RAD**2
+    for fast in range(1, 3):
+        begin(P, fast, SIGMA_JUMP_RAD**2)
 
 
 @kernel
@@ -154,14 +143,6 @@ def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float
 
 
 @kernel
-def _copy(P: F64, to: F64) -> None:
-    """A covariance; an assignment of slices would make an array."""
-    for i in range(STATES):
-        for k in range(STATES):
-            to[i, k] = P[i, k]
-
-
-@kernel
 def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -> None:
     """Take the sweep's error out of its returns, and note it in `surface.own` and `surface.P`."""
     gone, now, travel_m = room.gone, room.P, surface.stand.travel_m
@@ -173,7 +154,8 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
     gone[:] = 0.0
     for _ in range(ROUNDS):
         total = _gather(returns, cells, surface, room)
-        _copy(surface.P, now)
+        for k in range(now.size):
+            now.flat[k] = surface.P.flat[k]
         gone[:] = 0.0
         if total < WITNESSES:
             break
@@ -184,7 +166,8 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
         join(now, gone, room.told)
     for k in range(STATES):
         surface.own[k] += gone[k]
-    _copy(now, surface.P)
+    for k in range(now.size):
+        surface.P.flat[k] = now.flat[k]
     age_s, wander_rad2 = 0.0, 0.0
     for b in range(returns.size):
         one = returns[b]

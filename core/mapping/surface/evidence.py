@@ -24,7 +24,7 @@ from core.mapping.surface import cells
 from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, floor_parts, ground_of, touch
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2, wandered
-from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, in_body
 from core.records import F64
 from jit import Record, kernel
 
@@ -75,9 +75,11 @@ def stay(cell: Record, move: float) -> None:
 
 
 @kernel
-def expect(cell: Record, plane: cells.Plane, ahead: float, aside: float, surface: Surface) -> None:
-    """Ground that is not seen yet, at a cell's centre."""
-    own = surface.own
+def expect(cell: Record, plane: cells.Plane, x: float, y: float, surface: Surface) -> None:
+    """Ground that is not seen yet, at a cell's centre; x, y: a point in it."""
+    own, (ahead, aside) = surface.own, in_body(x, y, surface)
+    if cell.var_m2 < math.inf:
+        stay(cell, plane.z_m - ground_of(cell, own))
     cell.arm_m, cell.aside_m = ahead + surface.stand.travel_m, aside
     cell.ground_m = plane.z_m + own[3] * cell.arm_m + own[4] * cell.aside_m
     cell.var_m2, cell.floor_s = plane.var_m2, plane.seen_s
@@ -254,7 +256,7 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     if cell.var_m2 == math.inf:
         a, b, seen_s, var = one.slope_x, one.slope_y, stand.t_s - one.age_s, one.var_m2
         plane = cells.plane_of(z - h, a, b, var, seen_s, one.tied, True)
-        expect(cell, plane, one.ahead_m, one.aside_m, surface)
+        expect(cell, plane, one.x_m, one.y_m, surface)
     if is_guess:
         _rise(at, one, surface)
         return

@@ -19,18 +19,26 @@ from core.mapping.along import REACH_M
 from core.mapping.body import BodyPose, Sway, body_pose_at
 from core.mapping.causes import BEYOND_STEP, NO_FLOOR
 from core.mapping.freshness import Freshness
-from core.mapping.layers import LayerView, ages_at, at_cells, state_view, states_at, view_of
+from core.mapping.layers import (
+    LayerView,
+    ages_at,
+    at_cells,
+    heights_of,
+    maybe_surface_ring,
+    state_view,
+    states_at,
+    view_of,
+)
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, constants, sweep
 from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface, Touched
-from core.mapping.surface.constants import ALIKE_S, CLEAR, FLAT_M, GUESS, LIKELY, WITNESSES
+from core.mapping.surface.constants import ALIKE_S, CLEAR, FLAT_M, GUESS, WITNESSES
 from core.mapping.surface.decision import decide_cells, list_causes
 from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_witnesses, hold
-from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I32, I64, U8, PointSweep, Scan
@@ -192,59 +200,18 @@ class SurfaceMaps:
 
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
-        own, arm_m, aside_m = self._error.own, self.cells["arm_m"], self.cells["aside_m"]
-        ground_m = self.cells["ground_m"] - own[3] * arm_m - own[4] * aside_m
-        return np.asarray(ground_m + self._over_ground_m())
+        return heights_of(self.cells, self.static_rad)
 
-    def heights_over_plane_m(self) -> F64:
-        """The same over the plane on which the robot stands: what is always wrong tilts both."""
-        stand, grid = self._surface.stand, self.grid
-        places = np.arange(grid.size)
-        x_m = grid.corner_i + (places - grid.corner_i) % grid.size + 0.5
-        y_m = grid.corner_j + (places - grid.corner_j) % grid.size + 0.5
-        dx_m, dy_m = x_m * grid.cell_m - stand.x_m, y_m * grid.cell_m - stand.y_m
-        along = stand.slopes[0] * dx_m[None, :] + stand.slopes[1] * dy_m[:, None]
-        return np.asarray(self.heights_m() - self._surface.now["wheels_m"][0] - along)
-
-    def _over_ground_m(self) -> F64:
-        """How high what stands is, 0 where floor was seen, NaN elsewhere: (size, size)."""
-        top_m, floor = self.cells["top_m"], np.where(self.cells["looks"] > 0, 0.0, np.nan)
-        return np.where((self.cells["stands"] > 0.0) & np.isfinite(top_m), top_m, floor)
-
-    def _terrain(self) -> F32:
-        """Slope, step and roughness (3, n) of all cells: slopes, what stands, and what lacks."""
-        flat, cell_m = self._surface.cells, self.grid.cell_m
-        near = around(self.grid, np.arange(flat.size))
-        z_m = np.where(near >= 0, self.heights_m().reshape(-1)[near], np.nan)
-        slopes = np.abs(flat["slope_x"]) + np.abs(flat["slope_y"])
-        stands_m = np.where(flat["stands"] > 0.0, np.maximum(0.0, flat["top_m"]), 0.0)
-        relief_m = stands_m - np.minimum(0.0, flat["under_m"]) + cell_m * slopes
-        return terrain_of(z_m, relief_m, cell_m)
-
-    def _maybe_ring(self, name: str) -> F64 | None:
-        """A layer (size, size) of the grid."""
-        of, height_m = self.cells, self._over_ground_m()
-        is_seen = of["looks"] > 0
-        if name == "height":
-            return height_m
-        if name == "z":
-            return self.heights_m()
-        if name == "variance":
-            return np.where(is_seen, of["var_m2"], np.nan)
-        if name == "slope":
-            return np.where(is_seen, np.arctan(np.hypot(of["slope_x"], of["slope_y"])), np.nan)
-        if name == "soft":
-            is_soft = (of["stands"] > 0.0) & (of["soft"] >= LIKELY)
-            return np.where(np.isnan(height_m), np.nan, is_soft)
-        if name in JUDGED:
-            return np.asarray(self._terrain()[JUDGED.index(name)].reshape(of.shape), float)
-        return None
+    @property
+    def stand(self) -> BodyPose:
+        """Where the robot stood at the newest sweep, and on which plane: z of the map's heights."""
+        return self._surface.stand._replace(z_m=float(self._surface.now["wheels_m"][0]))
 
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name; none where there is none."""
         if name == "state":
             return state_view(self.window)
-        ring = self._maybe_ring(name)
+        ring = maybe_surface_ring(name, self.cells, self.static_rad, self.grid)
         return None if ring is None else view_of(name, self.grid, ring)
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
@@ -255,7 +222,7 @@ class SurfaceMaps:
             return self.causes(i, j)
         if name == "age":
             return ages_at(self.fresh, self.grid, i, j)
-        ring = self._maybe_ring(name)
+        ring = maybe_surface_ring(name, self.cells, self.static_rad, self.grid)
         return None if ring is None else at_cells(self.grid, i, j, ring)
 
     def evidence(self, i: int, j: int) -> dict[str, float]:

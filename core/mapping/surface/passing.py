@@ -12,7 +12,7 @@ from core.mapping.surface import sweep
 from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at, touch
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import arms_m2, parted_m2, wandered
-from core.mapping.surface.evidence import expect, lower, stay, vote
+from core.mapping.surface.evidence import expect, lower, vote
 from core.mapping.surface.sweep import Beams, in_body, noise_m2, reach, upright_line
 from core.records import F64, I32
 from jit import kernel
@@ -27,20 +27,8 @@ def _expects(at: int, x: float, y: float, r: float, ray: F64, surface: Surface) 
     plane = reach(x, y, r, ray, surface)
     if plane.var_m2 > surface.limits.guess_m2:
         return False
-    ahead, aside = in_body(x, y, surface)
-    expect(cell, plane, ahead, aside, surface)
+    expect(cell, plane, x, y, surface)
     return True
-
-
-@kernel
-def _expect_again(at: int, i: int, j: int, x: float, y: float, surface: Surface) -> None:
-    """Ground that was not seen is due where the ground around tells it better by now."""
-    cell, plane = surface.cells[at], plane_at(i, j, surface)
-    if plane.var_m2 < cell.var_m2:
-        move = plane.z_m - ground_of(cell, surface.own)
-        ahead, aside = in_body(x, y, surface)
-        expect(cell, plane, ahead, aside, surface)
-        stay(cell, move)
 
 
 @kernel
@@ -69,8 +57,10 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
         last, cell = at, surface.cells[at]
         if cell.var_m2 == math.inf and not (is_low and _expects(at, x, y, r, ray, surface)):
             continue
-        if cell.looks == 0:
-            _expect_again(at, i, j, x, y, surface)
+        if cell.looks == 0:  # the ground around may tell it better by now
+            plane = plane_at(i, j, surface)
+            if plane.var_m2 < cell.var_m2:
+                expect(cell, plane, x, y, surface)
         h = height_over(cell, x, y, lens_z + r * rise, surface)
         if h > limits.h_pos_m:
             return

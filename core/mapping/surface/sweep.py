@@ -22,7 +22,7 @@ from core.mapping.surface import cells
 from core.mapping.surface.cells import NOWHERE, Plane, Surface, ground_of, plane_of
 from core.mapping.surface.constants import *
 from core.records import F64
-from jit import Record, Records, fields, kernel
+from jit import Records, fields, kernel
 
 RETURN = np.dtype(
     [
@@ -176,13 +176,6 @@ def hold(beams: Beams, surface: Surface) -> int:
 
 
 @kernel
-def _is_near(one: Record, other: Record) -> bool:
-    """Whether two returns may be of one thing."""
-    dx, dy = other.x_m - one.x_m, other.y_m - one.y_m
-    return bool(other.at >= 0 and dx * dx + dy * dy < THING_M * THING_M)
-
-
-@kernel
 def find_faces(returns: Records) -> None:
     """Which returns lie on what rises to the side, too steeply for ground.
 
@@ -191,10 +184,12 @@ def find_faces(returns: Records) -> None:
     """
     last = returns.size - 1
     for b in range(returns.size):
-        me, before, after = returns[b], returns[max(0, b - 1)], returns[min(last, b + 1)]
-        me.is_lone = not ((b > 0 and _is_near(me, before)) or (b < last and _is_near(me, after)))
-        one, other = returns[max(0, b - BESIDE)], returns[min(last, b + BESIDE)]
-        me.is_face = 0
+        me, one, other = returns[b], returns[max(0, b - BESIDE)], returns[min(last, b + BESIDE)]
+        me.is_lone, me.is_face = 1, 0
+        for k in (max(0, b - 1), min(last, b + 1)):
+            dx, dy = returns[k].x_m - me.x_m, returns[k].y_m - me.y_m
+            if k != b and returns[k].at >= 0 and dx * dx + dy * dy < THING_M * THING_M:
+                me.is_lone = 0
         if me.at >= 0 and one.at >= 0 and other.at >= 0:
             rise, aside = abs(other.z_m - one.z_m), abs(other.aside_m - one.aside_m)
             doubt = GATE * math.sqrt(one.noise_m2 + other.noise_m2)

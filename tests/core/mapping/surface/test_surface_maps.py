@@ -13,6 +13,7 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cases import few
 from tests.support.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
 from tests.support.flat_world import Box, Profile, World, ditch, kerb
+from tools.experiments.views import heights_over_plane_m
 
 LANES_M = (-0.3, -0.1, 0.1, 0.3)  # the cells that the robot's width of 0.6 m covers
 SLACK_M = 0.15  # half the diagonal of a cell
@@ -125,7 +126,7 @@ def test_heights_over_the_plane_of_the_robot_do_not_tilt_with_its_attitude() -> 
     ride = Ride(v_mps=1.0, bias_rad=(0.0, math.radians(0.5)))
     maps = maps_of(Rig(CONFIG, World(), ride, 6.0).run())
     assert np.nanmax(np.abs(maps.heights_m())) > 0.05
-    assert np.nanmax(np.abs(maps.heights_over_plane_m())) < 0.03
+    assert np.nanmax(np.abs(heights_over_plane_m(maps))) < 0.03
 
 
 def test_erasing_forgets_everything() -> None:

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from core.grid.places import Ring
 from jit import kernel
 
+LINE_BYTES = 64
 HYSTERESIS_CELLS = 2  # off centre before the window moves (link, section 4)
 
 
@@ -28,6 +29,13 @@ def cells_about(x: float, y: float, reach: float, cell_m: float) -> tuple[int, i
 def _in_words(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Records (..., ) of whole 8 bytes as numbers (..., n), which NumPy copies much faster."""
     return array.view(np.int64).reshape(*array.shape, -1) if array.dtype.names else array
+
+
+def _aligned(count: int, dtype: np.dtype[Any]) -> npt.NDArray[Any]:
+    """Room (count,) that begins where a line of the cache does: a record of one lies in no two."""
+    room = np.empty(count * dtype.itemsize + LINE_BYTES, np.uint8)
+    begin = -room.ctypes.data % LINE_BYTES
+    return room[begin : begin + count * dtype.itemsize].view(dtype)
 
 
 class RingGrid:
@@ -46,7 +54,8 @@ class RingGrid:
 
     def layer(self, dtype: npt.DTypeLike, blank: Any) -> npt.NDArray[Any]:
         """A new (size, size) array that is `blank` wherever cells enter the window."""
-        array = np.full((self.size, self.size), blank, dtype=dtype)
+        array = _aligned(self.size * self.size, np.dtype(dtype)).reshape(self.size, self.size)
+        array[...] = blank
         self._layers.append((_in_words(array), _in_words(np.full(1, blank, dtype=dtype))[0]))
         return array
 

@@ -32,6 +32,7 @@ UNITS = {  # every layer there is
     "state": "",  # OBSTACLE or FREE
 }
 ON_ASKING = ("cause", "age")  # only of some cells: a code of `causes.py`; s, at the newest scan
+RingLayer = tuple[RingGrid, npt.NDArray[Any]]  # with the values (size, size) of its cells
 RECORDED = {"height": "mean_m", "variance": "var_m2", "z": "z_m"}  # fields of a cell's record
 
 
@@ -153,21 +154,25 @@ def _over_ground_m(cells: Cells) -> F64:
     return np.where((cells["stands"] > 0.0) & np.isfinite(top_m), top_m, floor)
 
 
-def maybe_surface_ring(name: str, cells: Cells, static_rad: F64, grid: RingGrid) -> F64 | None:
-    """A layer (size, size) of method `surface`, as `heights_of`; none where there is no such."""
+def maybe_surface_ring(
+    name: str, cells: Cells, static_rad: F64, grid: RingGrid, window: ObstacleWindow
+) -> RingLayer | None:
+    """A layer of method `surface`, as `heights_of`, or of its window; none: there is no such."""
     height_m, is_seen = _over_ground_m(cells), cells["looks"] > 0
     steep_x, steep_y = cells["slope_x"], cells["slope_y"]
+    if name == "state":
+        return window.grid, np.where(window.cells == UNKNOWN, np.nan, window.cells)
     if name == "height":
-        return height_m
+        return grid, height_m
     if name == "z":
-        return heights_of(cells, static_rad)
+        return grid, heights_of(cells, static_rad)
     if name == "variance":
-        return np.where(is_seen, cells["var_m2"], np.nan)
+        return grid, np.where(is_seen, cells["var_m2"], np.nan)
     if name == "slope":
-        return np.where(is_seen, np.arctan(np.hypot(steep_x, steep_y)), np.nan)
+        return grid, np.where(is_seen, np.arctan(np.hypot(steep_x, steep_y)), np.nan)
     if name == "soft":
         is_soft = (cells["stands"] > 0.0) & (cells["soft"] >= LIKELY)
-        return np.where(np.isnan(height_m), np.nan, is_soft)
+        return grid, np.where(np.isnan(height_m), np.nan, is_soft)
     if name not in JUDGED:
         return None
     near, z_m = around(grid, np.arange(cells.size)), heights_of(cells, static_rad).reshape(-1)
@@ -176,4 +181,4 @@ def maybe_surface_ring(name: str, cells: Cells, static_rad: F64, grid: RingGrid)
     relief_m += grid.cell_m * (np.abs(steep_x) + np.abs(steep_y))
     z_m = np.where(near >= 0, z_m[near], np.nan)
     judged = terrain_of(z_m, relief_m.reshape(-1), grid.cell_m)[JUDGED.index(name)]
-    return np.asarray(judged.reshape(cells.shape), float)
+    return grid, np.asarray(judged.reshape(cells.shape), float)

@@ -55,7 +55,9 @@ class GroundCells:
         self.own: F64 = np.zeros(5)
         low_i, low_j = corner or (-(size // 2), -(size // 2))
         count = size * size
-        self.touched = Touched.none(count)
+        slots, at = np.zeros((2, count), np.int32)
+        said, bits, used = np.zeros(count), np.zeros(count, np.int8), np.zeros(1, np.int32)
+        self.touched = Touched(slots, at, bits, said, used)
         self.surface = Surface(
             cells=self.cells,
             tall=np.zeros(count, np.uint8),

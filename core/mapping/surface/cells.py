@@ -47,7 +47,7 @@ CELL = np.dtype(
         ("under_m", np.float32),  # a beam was so low here: the ground can't be higher; inf: none
         ("stands", np.float32),  # log-odds that something stands here,
         ("soft", np.float32),  # and that it lets beams in
-        ("parts", np.uint32),  # bits of its parts: where floor was seen, and a beam was under it
+        ("parts", np.uint32),  # a bit each where floor was seen; above, where a beam was under it
         ("looks", np.uint16),  # scans that saw its floor
         ("tied", np.uint8),  # LOOSE, TIED or APART
     ],
@@ -58,7 +58,7 @@ BLANK = np.zeros((), dtype=CELL)
 BLANK[["var_m2", "floor_m", "low_m", "under_m"]] = math.inf
 BLANK[["floor_s", "top_m"]] = -math.inf
 MOST_LOOKS = 0xFFFF  # more are not counted
-PART_BITS, ALL_PARTS = 16, 0xFFFF  # of floor, below those of beams under it
+PART_BITS, ALL_PARTS = 16, 0xFFFF  # of floor, below those of beams under it; `ones` counts these
 
 PLANES = 32  # blocks of cells along an edge, whose planes are kept for the rest of a scan
 PLANE = np.dtype(
@@ -69,12 +69,8 @@ PLANE = np.dtype(
         *fields(np.int64, "tied is_before"),
     ]
 )
-NOW = np.dtype(
-    [
-        ("sweep", np.int64),  # counts them
-        ("wheels_m", np.float64),  # height on which the robot stands
-    ]
-)
+# counts sweeps; height on which the robot stands
+NOW = np.dtype([("sweep", np.int64), ("wheels_m", np.float64)])
 
 
 class Limits(NamedTuple):
@@ -101,13 +97,6 @@ class Touched(NamedTuple):
     bits: I8  # (n,)
     said: F64  # (n,) what was added to the log-odds
     used: I32  # (1,) so many of them
-
-    @classmethod
-    def none(cls, cells: int) -> "Touched":
-        """Room for as many cells."""
-        slots, at = np.zeros((2, cells), np.int32)
-        used = np.zeros(1, np.int32)
-        return cls(slots, at, np.zeros(cells, np.int8), np.zeros(cells), used)
 
 
 class Surface(NamedTuple):
@@ -151,18 +140,6 @@ def touch(at: int, touched: Touched) -> int:
     touched.slots[at], touched.at[used], touched.bits[used] = used, at, 0
     touched.used[0] = used + 1
     return int(used)
-
-
-@kernel
-def floor_parts(cell: Record) -> int:
-    """Bits of the parts of a cell in which floor was seen."""
-    return int(cell.parts) & ALL_PARTS
-
-
-@kernel
-def under_parts(cell: Record) -> int:
-    """Bits of the parts of a cell in which a beam was under the ground."""
-    return int(cell.parts) >> PART_BITS
 
 
 @kernel

@@ -15,7 +15,7 @@ from core.grid.places import index_of, ones, world_cell
 from core.grid.window import Shown, put_state
 from core.mapping import causes
 from core.mapping.surface import cells
-from core.mapping.surface.cells import APART, TIED, Limits, Surface, floor_parts
+from core.mapping.surface.cells import APART, TIED, Limits, Surface
 from core.mapping.surface.constants import *
 from core.records import I32, I64, OBSTACLE, U8
 from jit import Record, kernel
@@ -62,7 +62,7 @@ def is_framed(i: int, j: int, surface: Surface) -> bool:
             near, place = index_of(i + n * (1 - along), j + n * along, surface.ring), k - n * parts
             bits = column << place if along == 0 else row << place * parts
             other = surface.cells[max(0, near)]
-            seen = near >= 0 and other.looks > 0 and floor_parts(other) & bits != 0
+            seen = near >= 0 and other.looks > 0 and other.parts & bits != 0
             run = 0 if seen else run + 1
             if run > parts // 2 and k >= 0 and k - run < parts - 1:  # some of it is in the cell
                 return False
@@ -95,11 +95,9 @@ def rule_of(
         return causes.BEYOND_STEP if cell.tied == APART else causes.UNREACHED
     if cell.stands > CLEAR and not passable:
         return causes.FEW
-    # floor in a row of its parts, or a beam under the rest of them: it may be the edge of a ditch
-    under = ones(cells.under_parts(cell) & ~floor_parts(cell))
-    if ones(floor_parts(cell)) <= (0 if framed else limits.row) or under >= max(
-        2, limits.parts // 2
-    ):
+    few = 0 if framed else limits.row  # in so few parts it may be the edge of a ditch;
+    under = ones(cell.parts >> cells.PART_BITS & ~cell.parts)  # so where beams were under others
+    if ones(cell.parts) <= few or under >= max(2, limits.parts // 2):
         return causes.UNSHOWN
     if seen_s < oldest_s:
         return causes.AGED if seen_s > -math.inf else causes.EARLIER_RUN
@@ -124,7 +122,7 @@ def is_passable(at: int, i: int, j: int, surface: Surface) -> bool:
 def _rule_at(at: int, i: int, j: int, state: int, surface: Surface) -> int:
     """Which rule decides the cell of a surface that is world cell i, j."""
     passable, cell, limits = is_passable(at, i, j, surface), surface.cells[at], surface.limits
-    framed = 0 < ones(floor_parts(cell)) <= limits.row and is_framed(i, j, surface)
+    framed = 0 < ones(cell.parts) <= limits.row and is_framed(i, j, surface)
     return rule_of(cell, state, surface.seen_s[at], surface.oldest_s, limits, passable, framed)
 
 

@@ -21,7 +21,7 @@ import math
 
 from core.grid.places import cell_at, index_of, ones, part_bit, world_cell
 from core.mapping.surface import cells
-from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, floor_parts, ground_of, touch
+from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of, touch
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2, wandered
 from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, in_body
@@ -56,7 +56,7 @@ def lower(at: int, part: int, depth: float, surface: Surface) -> None:
     Where floor was seen, it is the beam that errs.
     """
     cell, slot = surface.cells[at], touch(at, surface.touched)
-    if floor_parts(cell) & part:
+    if cell.parts & part:
         return
     cell.parts |= part << cells.PART_BITS
     before = 0.0 if cell.under_m == math.inf else cell.under_m
@@ -186,15 +186,15 @@ def _end_on_floor(
         _see_floor(at, one, z, surface)
     surface.seen_s[at] = surface.stand.t_s
     cell.floor_m = min(cell.floor_m, z - ground_of(cell, surface.own))
-    if not floor_parts(cell) & part:
+    if not cell.parts & part:
         cell.parts |= part
         i, j = world_cell(at, surface.ring)
         for di, dj in ((-1, 0), (1, 0), (0, -1), (0, 1)):
             near = index_of(i + di, j + dj, surface.ring)
-            if near >= 0 and 0 < ones(floor_parts(surface.cells[near])) <= limits.row:
+            if near >= 0 and 0 < ones(surface.cells[near].parts) <= limits.row:
                 touch(near, surface.touched)
-    if cell.under_m < math.inf and cells.under_parts(cell) & ~floor_parts(cell) == 0:
-        cell.parts, cell.under_m = floor_parts(cell), math.inf
+    if cell.under_m < math.inf and cell.parts >> cells.PART_BITS & ~cell.parts == 0:
+        cell.parts, cell.under_m = cell.parts & cells.ALL_PARTS, math.inf
     rests = cell.low_m < limits.h_pos_m
     vote(at, PASS_THROUGH if cell.stands > 0.0 and rests else 0.0, surface)
 
@@ -263,7 +263,7 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     touch(at, surface.touched)
     part = part_bit(one.x_m, one.y_m, surface.ring.cell_m, limits.parts)
     doubt = GATE * math.sqrt(one.near_var_m2 + one.wander_m2 + one.noise_m2)
-    if cells.under_parts(cell) & part:
+    if cell.parts & part << cells.PART_BITS:
         doubt /= GATE  # seen lower before: only what is as high as it should be is floor
     is_step, is_lower = abs(h) > GATE * sigma, cell.looks == 0 and one.near_m < -doubt
     drift = 0.0

@@ -15,20 +15,11 @@ from core.config import Config
 from core.grid.places import parts_of
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow, Shown
+from core.mapping import layers
 from core.mapping.along import REACH_M
 from core.mapping.body import BodyPose, Sway, body_pose_at
 from core.mapping.causes import BEYOND_STEP, NO_FLOOR
 from core.mapping.freshness import Freshness
-from core.mapping.layers import (
-    LayerView,
-    ages_at,
-    at_cells,
-    heights_of,
-    maybe_surface_ring,
-    state_view,
-    states_at,
-    view_of,
-)
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, constants, sweep
@@ -120,6 +111,9 @@ class SurfaceMaps:
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
         self._error, self._sway = SweepFilter(), Sway(ALIKE_S)
+        count = self.cells.size
+        slots, at = np.zeros((2, count), np.int32)
+        said, bits, used = np.zeros(count), np.zeros(count, np.int8), np.zeros(1, np.int32)
         self._surface = Surface(
             cells=with_fields(self.cells.reshape(-1)),
             tall=self.grid.layer(np.uint8, 0).reshape(-1),
@@ -130,7 +124,7 @@ class SurfaceMaps:
             stand=AT_START,
             own=self._error.own,
             P=self._error.P,
-            touched=Touched.none(self.cells.size),
+            touched=Touched(slots, at, bits, said, used),
             planes=records(cells.PLANE, cells.PLANES * cells.PLANES),
             now=records(cells.NOW),
         )
@@ -200,30 +194,30 @@ class SurfaceMaps:
 
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
-        return heights_of(self.cells, self.static_rad)
+        return layers.heights_of(self.cells, self.static_rad)
 
     @property
     def stand(self) -> BodyPose:
         """Where the robot stood at the newest sweep, and on which plane: z of the map's heights."""
         return self._surface.stand._replace(z_m=float(self._surface.now["wheels_m"][0]))
 
-    def maybe_layer(self, name: str) -> LayerView | None:
+    def _maybe_ring(self, name: str) -> layers.RingLayer | None:
+        cells, static_rad = self.cells, self.static_rad
+        return layers.maybe_surface_ring(name, cells, static_rad, self.grid, self.window)
+
+    def maybe_layer(self, name: str) -> layers.LayerView | None:
         """A layer by its name; none where there is none."""
-        if name == "state":
-            return state_view(self.window)
-        ring = maybe_surface_ring(name, self.cells, self.static_rad, self.grid)
-        return None if ring is None else view_of(name, self.grid, ring)
+        ring = self._maybe_ring(name)
+        return None if ring is None else layers.view_of(name, *ring)
 
     def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
         """Of a layer, at world cells."""
-        if name == "state":
-            return states_at(self.window, i, j)
         if name == "cause":
             return self.causes(i, j)
         if name == "age":
-            return ages_at(self.fresh, self.grid, i, j)
-        ring = maybe_surface_ring(name, self.cells, self.static_rad, self.grid)
-        return None if ring is None else at_cells(self.grid, i, j, ring)
+            return layers.ages_at(self.fresh, self.grid, i, j)
+        ring = self._maybe_ring(name)
+        return None if ring is None else layers.at_cells(ring[0], i, j, ring[1])
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell, by what it counts."""

@@ -38,11 +38,8 @@ HIT, PASS_LOW, PASS_THROUGH = 2.0, -1.0, -0.5  # votes of a scan
 MOST, LEAST = LIKELY - CLEAR, CLEAR - HIT  # they are never surer
 KNOWN = CLEAR + PASS_LOW  # floor, beyond which floor was seen as well
 RARE = 0.05  # chance of what is hardly ever so: of half of the returns of stalks each says a third
-LET_IN, STOPPED, HARD = (
-    math.log(0.5 / RARE) / 3.0,
-    math.log(0.5 / (1.0 - RARE)) / 3.0,
-    math.log(RARE / (1.0 - RARE)) / 3.0,
-)
+LET_IN, STOPPED = math.log(0.5 / RARE) / 3.0, math.log(0.5 / (1.0 - RARE)) / 3.0
+HARD = math.log(RARE / (1.0 - RARE)) / 3.0
 LOWERED = 0.5  # how far one scan moves what is known of ground that was not met
 THING_M = 0.3  # so near lie returns of one thing
 BESIDE, DARK = 2, 3  # beams: by which a face shows; in a row that do not come back

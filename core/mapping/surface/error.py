@@ -46,15 +46,10 @@ class Room(NamedTuple):
 
 
 @kernel
-def wandered(age_s: float) -> float:
-    """Variance of what the attitude has wandered between two looks at a place, rad^2."""
-    return 2.0 * SIGMA_FAST_RAD**2 * (1.0 - math.exp(-age_s / FAST_S))
-
-
-@kernel
-def parted_m2(ahead: float, aside: float, wander_rad2: float) -> float:
-    """The same of a height, so far ahead and aside, by that."""
-    return wander_rad2 * (ahead * ahead + aside * aside)
+def parted_m2(ahead: float, aside: float, age_s: float) -> float:
+    """Variance of what the attitude has wandered between two looks at a place."""
+    share = 1.0 - math.exp(-age_s / FAST_S)
+    return 2.0 * SIGMA_FAST_RAD**2 * share * (ahead * ahead + aside * aside)
 
 
 @kernel
@@ -111,7 +106,6 @@ def roll_on(passed_s: float, surface: Surface, room: Room) -> None:
 def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float:
     """Sum what the witnesses say into `room.told`; how many of them are of one mind."""
     h, M, y, gone, total, stand = room.h, room.told.M, room.told.y, room.gone, 0.0, surface.stand
-    last, age_s, wander_rad2 = -1, 0.0, 0.0
     M[:] = 0.0
     y[:] = 0.0
     for b in range(returns.size):
@@ -121,15 +115,13 @@ def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float
         cell = surface.cells[one.witness]
         a, s = one.witness_ahead_m, one.witness_aside_m
         _row(a, s, stand.travel_m, cell, h)
-        if one.witness != last:
-            last, age_s = one.witness, stand.t_s - cell.floor_s
-            wander_rad2 = wandered(age_s)
+        age_s = stand.t_s - cell.floor_s
         if age_s < FAST_S:  # what differs so soon is the fast part
             h[3] = h[4] = 0.0
         off = one.off_m
         for k in range(STATES):
             off -= h[k] * gone[k]
-        var, wander = cell.var_m2 + FLAT_M * FLAT_M + one.noise_m2, parted_m2(a, s, wander_rad2)
+        var, wander = cell.var_m2 + FLAT_M * FLAT_M + one.noise_m2, parted_m2(a, s, age_s)
         share = 1.0 - off * off / (GATE * GATE * (var + wander + spread(h, surface.P)))
         if share <= 0.0:
             continue
@@ -168,7 +160,6 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
         surface.own[k] += gone[k]
     for k in range(now.size):
         surface.P.flat[k] = now.flat[k]
-    age_s, wander_rad2 = 0.0, 0.0
     for b in range(returns.size):
         one = returns[b]
         if one.at < 0:
@@ -176,9 +167,7 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
         a, s, cell = one.ahead_m, one.aside_m, surface.cells[one.at]
         error = gone[0] + gone[1] * a + gone[2] * s
         one.z_m -= error + gone[3] * (a + travel_m) + gone[4] * s
-        if one.age_s != age_s:
-            age_s, wander_rad2 = one.age_s, wandered(one.age_s)
-        wander = parted_m2(a, s, wander_rad2)
+        wander = parted_m2(a, s, one.age_s)
         if cell.looks > 0:
             error += gone[3] * (a + travel_m - cell.arm_m) + gone[4] * (s - cell.aside_m)
             wander += arms_m2(a, s, cell, surface)

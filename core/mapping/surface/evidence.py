@@ -23,7 +23,7 @@ from core.grid.places import cell_at, index_of, ones, part_bit, world_cell
 from core.mapping.surface import cells
 from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of, touch
 from core.mapping.surface.constants import *
-from core.mapping.surface.error import parted_m2, wandered
+from core.mapping.surface.error import parted_m2
 from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, in_body
 from core.records import F64
 from jit import Record, kernel
@@ -147,7 +147,7 @@ def _see_floor(at: int, one: Record, z: float, surface: Surface) -> None:
     cell, limits, t_s = surface.cells[at], surface.limits, surface.stand.t_s
     aged, since_s = cell.var_m2, t_s - cell.floor_s
     if cell.looks > 0:
-        aged += parted_m2(one.ahead_m, one.aside_m, wandered(since_s))
+        aged += parted_m2(one.ahead_m, one.aside_m, since_s)
     gain = aged / (aged + one.noise_m2)
     move = _lay(cell, z, gain, one, surface)
     if since_s < ALIKE_S:  # else all of it was seen by another attitude
@@ -268,8 +268,7 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     is_step, is_lower = abs(h) > GATE * sigma, cell.looks == 0 and one.near_m < -doubt
     drift = 0.0
     if cell.looks > 0 and cell.floor_s < stand.t_s:
-        since_s = stand.t_s - cell.floor_s
-        drift = parted_m2(one.ahead_m, one.aside_m, wandered(since_s))
+        drift = parted_m2(one.ahead_m, one.aside_m, stand.t_s - cell.floor_s)
     rise = min(limits.h_pos_m, GATE * math.sqrt(one.noise_m2 + drift))
     most = limits.h_pos_m if one.is_before else min(limits.h_pos_m, GATE * sigma)
     if ((h <= limits.h_neg_m and is_step) or is_lower) and not (

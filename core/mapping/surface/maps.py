@@ -143,12 +143,6 @@ class SurfaceMaps:
         decide_cells(nothing, self._surface, self.window.shown, 0)
         self.causes(nothing.astype(np.int64), nothing.astype(np.int64))
 
-    @property
-    def error_rad(self) -> tuple[float, float]:
-        """By how much roll and pitch of the newest sweep were told too large."""
-        own = self._error.own
-        return float(own[2] + own[4]), float(-own[1] - own[3])
-
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
         """Take a sweep that attitude and odometry cover; how many returns it had."""
         rays = self._geometry.cast(scan, attitudes, odometry)
@@ -230,7 +224,7 @@ class SurfaceMaps:
         return self._error.own[3:]
 
     def go_on_from(self, at: I32, records: cells.Cells, static_rad: F64) -> None:
-        """cells.Cells of an earlier run by flat indices (n,), into a map that is empty."""
+        """Cells of an earlier run by flat indices (n,), into a map that is empty."""
         self._surface.cells[at] = records
         self._surface.tall[at] = (records["stands"] > CLEAR) & np.isfinite(records["top_m"])
         self._error.own[3:] = static_rad

@@ -11,7 +11,7 @@ from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface import sweep
 from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at, touch
 from core.mapping.surface.constants import *
-from core.mapping.surface.error import arms_m2, parted_m2, wandered
+from core.mapping.surface.error import arms_m2, parted_m2
 from core.mapping.surface.evidence import expect, lower, vote
 from core.mapping.surface.sweep import Beams, in_body, noise_m2, reach, upright_line
 from core.records import F64, I32
@@ -72,7 +72,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
         if h < 0.0:
             (ahead, aside), age_s = in_body(x, y, surface), surface.stand.t_s - cell.floor_s
             var = noise_m2(r, ray[2], beams.lens_m2) + cell.var_m2
-            var += parted_m2(ahead, aside, wandered(age_s)) + arms_m2(ahead, aside, cell, surface)
+            var += parted_m2(ahead, aside, age_s) + arms_m2(ahead, aside, cell, surface)
             if h * h > GATE * GATE * var:
                 lower(at, part_bit(x, y, cell_m, limits.parts), h, surface)
         if cell.under_m < math.inf and cell.looks == 0:  # where such a beam landed

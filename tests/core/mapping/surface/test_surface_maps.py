@@ -143,7 +143,7 @@ def test_erasing_forgets_everything() -> None:
     assert not maps.cells["looks"].any()
     assert not np.isfinite(maps.cells["var_m2"]).any()
     assert not any(maps.is_low(i, j) for i, j in low)
-    assert maps.error_rad == (0.0, 0.0)
+    assert not maps.static_rad.any()
     i, j = np.array(low).T
     for name in ("state", "height", "z", "variance", "slope", "step", "roughness", "age"):
         values = maps.maybe_values(name, i, j)

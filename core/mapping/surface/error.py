@@ -4,9 +4,9 @@ A return a metres ahead and b metres aside of the axle, after a signed way L, is
 
     z = true + x + p a + r b + s_p (a + L) + s_r b + noise
 
-(p, r): what the tilt filter leaves, an Ornstein-Uhlenbeck process; (s_p, s_r): what the attitude is
-always off by. The odometry's height runs away with the pitch: dx = p dL. Ground is laid at
-z - x - p a - r b and keeps its arms (a + L, b). Seen again, with other arms, it differs by
+(p, r): what the orientation's filter leaves, an Ornstein-Uhlenbeck process; (s_p, s_r): what the
+attitude is always off by. The odometry's height runs away with the pitch: dx = p dL. Ground is laid
+at z - x - p a - r b and keeps its arms (a + L, b). Seen again, with other arms, it differs by
 
     h (x, p, r, s_p, s_r)',   h = (1, a, b, arm now - arm then, aside now - aside then)
 
@@ -36,7 +36,7 @@ from core.mapping.surface.constants import (
     SIGMA_STATIC_RAD,
     WITNESSES,
 )
-from core.motion.tilt import TiltFilter
+from core.motion.orientation import OrientationFilter
 from core.records import F64
 from jit import Record, Records, kernel
 
@@ -100,7 +100,7 @@ def forget(passed_s: float, driven_m: float, own: F64, P: F64) -> None:
 
 @kernel
 def jump(P: F64) -> None:
-    """The tilt filter has gone over to other angles: nothing is known of the fast part."""
+    """The orientation's filter has gone over to other angles: nothing is known of the fast part."""
     for m in range(1, 3):
         P[m, :] = 0.0
         P[:, m] = 0.0
@@ -308,14 +308,16 @@ class SweepFilter:
         jump(self.P)
         self.restart()
 
-    def follow(self, t_s: float, travel_m: float, tilt: TiltFilter) -> tuple[float, float]:
+    def follow(
+        self, t_s: float, travel_m: float, orientation: OrientationFilter
+    ) -> tuple[float, float]:
         """Time has passed, and way: how much of both since the scan before."""
         passed_s, driven_m = t_s - self._last_s, travel_m - self._travel_m
         self._last_s, self._travel_m = t_s, travel_m
         if math.isnan(passed_s):
             return 0.0, 0.0
         forget(passed_s, driven_m, self.own, self.P)
-        if tilt.doubted != self._doubted:
-            self._doubted = tilt.doubted
+        if orientation.doubted != self._doubted:
+            self._doubted = orientation.doubted
             jump(self.P)
         return passed_s, driven_m

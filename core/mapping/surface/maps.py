@@ -141,7 +141,7 @@ class SurfaceMaps:
         """Take a sweep that attitude and odometry cover; how many returns it had."""
         sweep = self._geometry.cast(scan, attitudes, odometry)
         body = body_pose_at(sweep.t_s, attitudes, odometry)
-        passed_s, driven_m = self._error.follow(sweep.t_s, body.travel_m, attitudes.tilt)
+        passed_s, driven_m = self._error.follow(sweep.t_s, body.travel_m, attitudes.orientation)
         lens_m2 = self._sway.follow(passed_s, body.slopes)
         self.grid.follow(body.x_m, body.y_m)
         surface, own, P = self._surface, self._error.own, self._error.P

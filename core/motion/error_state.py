@@ -37,8 +37,8 @@ ASYMMETRY = 15  # relative: how much larger the right wheel is than the left one
 ALIGN_X, ALIGN_Y, ALIGN_YAW = 16, 17, 18  # of a positioning system's frame in the map frame
 
 ERRORS = np.dtype([("value", np.float64, SIZE), ("P", np.float64, (SIZE, SIZE))])
-START_BIAS_RADPS = math.radians(0.5)
-LIKELY_BIAS_RADPS = math.radians(0.1)  # of a calibrated gyro; about body x and y, until doubted
+START_BIAS_RADPS = math.radians(0.5)  # of a gyro that is not calibrated
+LIKELY_BIAS_RADPS = math.radians(0.1)  # of one that is
 START_SCALE = 0.04
 START_ASYMMETRY = 0.005
 START_SHARE = 1.0 / 3.0  # a sensor that leans wholly is three sigmas off

@@ -54,8 +54,7 @@ class Ride:
 
     v_mps: float = 0.0
     w_radps: float = 0.0
-    start_s: float = 0.0  # until then it stands,
-    stop_s: float = math.inf  # and from then on again
+    stop_s: float = math.inf  # when it stands again
     pitching_rad: float = 0.0  # amplitude
     pitching_hz: float = 1.0
     noise_rad: float = math.radians(0.05)  # of the attitude sensor
@@ -69,7 +68,7 @@ class Path3:
     def __init__(self, ride: Ride, ground: Profile, seconds: float) -> None:
         self._ride = ride
         self._t_s = np.arange(0.0, seconds + 1.0, STEP_S)
-        moves = (self._t_s >= ride.start_s) & (self._t_s < ride.stop_s)
+        moves = self._t_s < ride.stop_s
         self._travel_m = np.cumsum(np.where(moves, ride.v_mps * STEP_S, 0.0))
         self._yaw_rad = np.cumsum(np.where(moves, ride.w_radps * STEP_S, 0.0))
         places, leaning = np.zeros((len(moves), 2)), np.zeros((len(moves), 2))

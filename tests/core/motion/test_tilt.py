@@ -2,7 +2,8 @@
 
 import math
 import random
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from core.geometry import R_from_rpy, q_from_R, q_from_rpy
 from core.motion.attitude import AttitudeRing
 from core.motion.error_state import CASE, CASE_RAD, TILT, WANDER_RAD, WANDER_S
 from core.motion.tilt import ALONE_S, APART_RAD
-from core.records import Attitude
+from core.records import F64, Attitude
 from tests.support.cases import examples
 
 PERIOD_S = 0.01
@@ -109,6 +110,44 @@ def test_the_gyros_bias_is_learnt_while_the_robot_stands() -> None:
     sensor.run(30.0)
     assert tuple(sensor.ring.orientation.bias_radps[:2]) == pytest.approx((0.01, -0.02), abs=1e-3)
     assert sensor.worst_rad < math.radians(0.4)
+
+
+@pytest.mark.parametrize("bias_radps", [(0.01, -0.02), (0.0, 0.03), (-0.006, 0.0)])
+def test_a_gyro_of_any_bias_is_found_out_by_a_robot_that_drives_off_at_once(
+    bias_radps: tuple[float, float],
+) -> None:
+    sensor = Sensor(nodding, bias_radps=bias_radps)
+    sensor.run(2.0)
+    assert sensor.worst_rad < math.radians(0.45)
+    sensor.run(8.0)
+    assert sensor.worst_rad < math.radians(0.12)
+
+
+def low_passed(seed: int, seconds: float, sigma_rad: float, lasts_s: float = 0.3) -> F64:
+    """Errors (n, 2) of a sensor's angles as its own filter leaves them, a sample each."""
+    steps, kept = round(seconds / PERIOD_S), math.exp(-PERIOD_S / lasts_s)
+    off_rad = np.random.default_rng(seed).normal(0.0, sigma_rad, (steps, 2))
+    off_rad[1:] *= math.sqrt(1.0 - kept * kept)
+    for k in range(1, steps):
+        off_rad[k] += kept * off_rad[k - 1]
+    return off_rad
+
+
+def next_of(errors: Iterator[tuple[float, float]], _t_s: float) -> tuple[float, float]:
+    return next(errors)
+
+
+def test_a_calibrated_gyro_keeps_what_is_told_calm_from_the_start_on() -> None:
+    """While a sensor's angles wander by 0.05 degrees within 0.3 s."""
+    moved = []
+    for seed in range(8):
+        sensor, told = Sensor(still), []
+        errors = iter(low_passed(seed, 3.0, math.radians(0.05)).tolist())
+        for _ in range(6):
+            sensor.run(0.5, partial(next_of, errors))
+            told.append(sensor.told)
+        moved.append(np.diff(told, axis=0))
+    assert math.degrees(math.sqrt(np.mean(np.square(moved)))) < 0.033
 
 
 def test_a_robot_that_rocks_on_the_spot_teaches_no_bias() -> None:

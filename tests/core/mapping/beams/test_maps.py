@@ -116,9 +116,7 @@ def test_a_kerb_of_twelve_centimetres_is_an_obstacle_in_every_lane(
 def test_a_robot_that_nods_does_not_take_a_kerb_for_ground(
     rise_m: float, pitching_deg: float, pitching_hz: float
 ) -> None:
-    """Its gyro is known: it has stood."""
-    pitching_rad = math.radians(pitching_deg)
-    ride = Ride(0.6, start_s=0.0, pitching_rad=pitching_rad, pitching_hz=pitching_hz)
+    ride = Ride(v_mps=0.6, pitching_rad=math.radians(pitching_deg), pitching_hz=pitching_hz)
     rig = Rig(config_of(), World(kerb(9.53, rise_m)), ride, 8.0).run()
     shadow_m = 1.3 if rise_m < 0.0 else 0.4
     assert barred_lanes(rig, 9.53, 9.53 + shadow_m) == set(LANES_M)

@@ -67,16 +67,12 @@ def test_a_box_is_an_obstacle_and_once_it_is_gone_free_ground_very_soon() -> Non
     assert len(places_where(rig, OBSTACLE)) == 0
 
 
-UNDER_WAY_M = 0.0  # at 1 m/s from the first sample on: by then the gyro's bias is known well enough
-
-
 @pytest.mark.parametrize("width_m", few([0.3, 0.6, 1.5], 2))
 def test_a_ditch_bars_the_way_and_is_never_free(width_m: float) -> None:
-    near_m = 9.05 + UNDER_WAY_M
-    rig = drive(World(ditch(near_m, width_m)), 0.55 + 2 * width_m + 1.0 + UNDER_WAY_M)
-    assert barred_lanes(rig, near_m, near_m + width_m) == set(LANES_M)
+    rig = drive(World(ditch(9.05, width_m)), 0.55 + 2 * width_m + 1.0)
+    assert barred_lanes(rig, 9.05, 9.05 + width_m) == set(LANES_M)
     x = places_where(rig, FREE)[:, 0]
-    assert not np.any((x > near_m + SLACK_M) & (x < near_m + width_m - SLACK_M))
+    assert not np.any((x > 9.05 + SLACK_M) & (x < 9.05 + width_m - SLACK_M))
 
 
 NARROW = pytest.mark.xfail(
@@ -105,8 +101,7 @@ def test_a_ditch_is_free_nowhere_wherever_the_cells_begin(near_m: float, width_m
 
 @pytest.mark.parametrize(("near_m", "width_m"), DITCHES)
 def test_a_ditch_bars_every_lane_wherever_the_cells_begin(near_m: float, width_m: float) -> None:
-    near_m += UNDER_WAY_M
-    rig = drive(World(ditch(near_m, width_m)), 0.55 + 2 * width_m + 1.0 + UNDER_WAY_M)
+    rig = drive(World(ditch(near_m, width_m)), 0.55 + 2 * width_m + 1.0)
     assert barred_lanes(rig, near_m, near_m + width_m) == set(LANES_M)
 
 

@@ -13,6 +13,9 @@ from jit import allocating_kernel, kernel
 
 Rpy = tuple[float, float, float]
 Rates = tuple[float, float, float]  # of turn about x, y, z, rad/s; NaN where not delivered
+Quaternion = tuple[float, float, float, float]
+Vector = tuple[float, float, float]
+Matrix = tuple[Vector, Vector, Vector]  # rows
 ORTHOGONAL = 1e-9  # how far R R' may be from the identity
 
 
@@ -100,6 +103,36 @@ def rpy_of(w: float, x: float, y: float, z: float) -> Rpy:
         math.atan2(2 * (y * z + w * x), 2 * (w * w + z * z) - 1),
         -math.asin(max(-1.0, min(1.0, 2 * (x * z - w * y)))),
         math.atan2(2 * (x * y + w * z), 2 * (w * w + x * x) - 1),
+    )
+
+
+@kernel
+def turned(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Rotation b followed by rotation a, of unit length."""
+    w = a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3]
+    x = a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2]
+    y = a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1]
+    z = a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0]
+    scale = 1.0 / math.sqrt(w * w + x * x + y * y + z * z)
+    return scale * w, scale * x, scale * y, scale * z
+
+
+@kernel
+def q_of_turn(x: float, y: float, z: float) -> Quaternion:
+    """The rotation about a vector by its length, rad."""
+    angle = math.sqrt(x * x + y * y + z * z)
+    half = math.sin(0.5 * angle) / angle if angle > 1e-9 else 0.5
+    return math.cos(0.5 * angle), half * x, half * y, half * z
+
+
+@kernel
+def matrix_of(q: Quaternion) -> Matrix:
+    """The rotation matrix of a unit quaternion."""
+    w, x, y, z = q
+    return (
+        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
+        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
+        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
 
 

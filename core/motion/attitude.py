@@ -3,7 +3,7 @@
 Refuses to bridge a gap: an instant is covered only where samples before and after it lie close
 together. It is within reach, too, where the newest sample is no older than the next one may take to
 come, and that sample's rate of turn carries it on: a scan need not wait for the sample behind it.
-Roll and pitch are the level filter's, yaw is the heading filter's.
+The orientations are those of `core.motion.orientation`.
 """
 
 import math
@@ -11,19 +11,19 @@ import math
 import numpy as np
 
 from core.geometry import (
+    Quaternion,
     R_from_rpy,
     Rates,
     Rpy,
+    Vector,
     q_from_R,
-    q_from_rpy,
-    q_product,
+    q_of_turn,
     rpy_from_q,
     rpy_of,
+    turned,
 )
 from core.motion.error_state import ERRORS, ErrorState
-from core.motion.heading import HEADING, HeadingFilter, heading_step
-from core.motion.magnetic import FIELD, Quaternion, Vector
-from core.motion.tilt import TILT, TiltFilter, tilt_step
+from core.motion.orientation import ORIENTATION, OrientationFilter, orientation_step
 from core.records import F64, Attitude
 from jit import Record, Records, allocating_kernel, kernel, records
 
@@ -32,6 +32,7 @@ MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
 AHEAD_S = 0.019  # a sample at 100 Hz, its way over the line, and how late a last beam may be
 MOST_RADPS = 100.0  # faster no body turns: it is as if no rate was delivered
 NO_FIELD: Vector = (0.0, 0.0, 0.0)
+LEVEL: Quaternion = (1.0, 0.0, 0.0, 0.0)
 NO_RATES: Rates = (math.nan, math.nan, math.nan)
 UNIT = 1e-3  # how far a delivered quaternion may be from unit length
 
@@ -39,13 +40,11 @@ MOTION = np.dtype(  # all that a sample changes, so that a kernel is given one t
     [
         ("t_s", np.float64, KEPT),
         ("q_earth_body", np.float64, (KEPT, 4)),
-        ("turned_rad", np.float64, KEPT),  # by the gyro, bias and all
+        ("turned_rad", np.float64, KEPT),  # by the gyro about body z, bias and all
         ("q_sensor_body", np.float64, 4),  # how the sensor is mounted
         ("R_body_sensor", np.float64, (3, 3)),
-        ("heading", HEADING),
-        ("field", FIELD),
+        ("orientation", ORIENTATION),
         ("errors", ERRORS),
-        ("tilt", TILT),
     ],
     align=True,
 )
@@ -96,54 +95,41 @@ def _rpy_at(t_s: F64, q: F64, start: int, count: int, at_s: float) -> Rpy:
     return rpy_of(at[0], at[1], at[2], at[3])
 
 
-@allocating_kernel
+@kernel
+def in_body(v: Vector, R: F64) -> Vector:
+    """A vector along the sensor's axes in the body's; R: R_body_sensor (3, 3)."""
+    return (
+        R[0, 0] * v[0] + R[0, 1] * v[1] + R[0, 2] * v[2],
+        R[1, 0] * v[0] + R[1, 1] * v[1] + R[1, 2] * v[2],
+        R[2, 0] * v[0] + R[2, 1] * v[1] + R[2, 2] * v[2],
+    )
+
+
+@kernel
 def _body_from_sensor(
     q_earth_sensor: Quaternion, q_sensor_body: F64, rate_radps: Rates, R_body_sensor: F64
-) -> tuple[float, Rpy, Rates]:
-    """A sample in the body's axes: length of its quaternion, (roll, pitch, yaw), rates of turn.
+) -> tuple[float, Quaternion, Rates]:
+    """A sample in the body's axes: length of its quaternion, orientation, rates of turn.
 
-    With a length that no orientation has, angles are zero; rates that no body has are NaN.
+    With a length that no orientation has, it is level; rates that no body has are NaN.
     """
     w, x, y, z = q_earth_sensor
     length = math.sqrt(w * w + x * x + y * y + z * z)
     if not abs(length - 1.0) <= UNIT:
-        return length, (0.0, 0.0, 0.0), NO_RATES
-    q = q_product(np.array([w / length, x / length, y / length, z / length]), q_sensor_body)
-    rpy_rad = rpy_of(q[0], q[1], q[2], q[3])
+        return length, LEVEL, NO_RATES
+    q = turned(
+        (w / length, x / length, y / length, z / length),
+        (q_sensor_body[0], q_sensor_body[1], q_sensor_body[2], q_sensor_body[3]),
+    )
     one, two, three = rate_radps
     if not (abs(one) <= MOST_RADPS and abs(two) <= MOST_RADPS and abs(three) <= MOST_RADPS):
-        return length, rpy_rad, NO_RATES
-    R = R_body_sensor
-    rates = (
-        R[0, 0] * one + R[0, 1] * two + R[0, 2] * three,
-        R[1, 0] * one + R[1, 1] * two + R[1, 2] * three,
-        R[2, 0] * one + R[2, 1] * two + R[2, 2] * three,
-    )
-    return length, rpy_rad, rates
+        return length, q, NO_RATES
+    return length, q, in_body(rate_radps, R_body_sensor)
 
 
 @kernel
-def _put(q: F64, place: F64) -> None:
-    """Copy an orientation (4,); an assignment of slices takes Numba two seconds to compile."""
-    for k in range(4):
-        place[k] = q[k]
-
-
-@allocating_kernel
-def _keep(q: F64, last: int, rpy: Rpy, rate_radps: Rates, for_s: float) -> None:
-    """Put a sample into its place of `q` (KEPT, 4), and what it turns to in the one behind it.
-
-    It turns on at a rate about its own axes for so long; not at one that is not known.
-    """
-    newest, ahead = q[last], q[(last + 1) % len(q)]
-    _put(q_from_rpy(rpy[0], rpy[1], rpy[2]), newest)
-    x, y, z = rate_radps
-    if not math.isfinite(x + y + z):
-        return
-    angle = math.sqrt(x * x + y * y + z * z) * for_s
-    share = 0.5 * for_s * (math.sin(angle / 2) / (angle / 2) if angle > 1e-9 else 1.0)
-    turn = np.array([math.cos(angle / 2), share * x, share * y, share * z])
-    _put(q_product(newest, turn), ahead)
+def _put(q: Quaternion, place: F64) -> None:
+    place[0], place[1], place[2], place[3] = q[0], q[1], q[2], q[3]
 
 
 @kernel
@@ -158,11 +144,11 @@ def _take(
     magnetic: Vector,
     has_magnetic: bool,
 ) -> tuple[int, Rpy, Rates]:
-    """One sample through the filters, into place `last` of the ring, and carried on behind it.
+    """One sample through the filter, into place `last` of the ring, and carried on behind it.
 
     Args:
         motions: (1,) of MOTION.
-        levels: roll and pitch are the tilt filter's, not the sensor's.
+        levels: roll and pitch are the filter's, not the sensor's.
         newest_s: time of the sample before.
 
     Returns:
@@ -170,35 +156,37 @@ def _take(
         then roll, pitch and yaw as told, and the rates about the body's axes.
     """
     motion = motions[0]
-    length, rpy_rad, rates = _body_from_sensor(
+    length, q_sensor, rates = _body_from_sensor(
         q_earth_sensor, motion.q_sensor_body, rate_radps, motion.R_body_sensor
     )
     if not (abs(length - 1) <= UNIT and newest_s < t_s < math.inf):
-        return 0, rpy_rad, rates
-    heading, sensor = motion.heading, (q_earth_sensor, magnetic, has_magnetic)
-    yaw_rad = heading_step(heading, motion.field, motion.errors, t_s, rpy_rad, rates, *sensor)
-    angles_rad = (rpy_rad[0], rpy_rad[1])
-    if levels:
-        angles_rad = tilt_step(motion.tilt, t_s, angles_rad, rates, heading.standing)
-    told_rad = (angles_rad[0], angles_rad[1], yaw_rad)
-    motion.t_s[last], motion.turned_rad[last] = t_s, heading.turned_rad
-    q_earth_body = motion.q_earth_body
-    _keep(q_earth_body, last, told_rad, rates, AHEAD_S)
-    q = q_earth_body[last]
+        return 0, rpy_of(q_sensor[0], q_sensor[1], q_sensor[2], q_sensor[3]), rates
+    of, field = motion.orientation, in_body(magnetic, motion.R_body_sensor)
+    orientation_step(of, motion.errors, t_s, q_sensor, rates, field, has_magnetic)
+    q = (of.q[0], of.q[1], of.q[2], of.q[3])
     told_rad = rpy_of(q[0], q[1], q[2], q[3])
-    if not math.isfinite(rates[0]):  # all are, or none
+    if not levels:
+        roll_rad, pitch_rad, yaw_rad = rpy_of(q_sensor[0], q_sensor[1], q_sensor[2], q_sensor[3])
+        q = turned(q_of_turn(0.0, 0.0, told_rad[2] - yaw_rad), q_sensor)
+        told_rad = (roll_rad, pitch_rad, told_rad[2])
+    motion.t_s[last], motion.turned_rad[last] = t_s, of.turned_rad
+    _put(q, motion.q_earth_body[last])
+    x, y, z = rates
+    if not math.isfinite(x):  # all are, or none
         return 1, told_rad, rates
-    motion.t_s[(last + 1) % KEPT] = t_s + AHEAD_S
+    ahead = (last + 1) % KEPT
+    motion.t_s[ahead] = t_s + AHEAD_S
+    _put(turned(q, q_of_turn(AHEAD_S * x, AHEAD_S * y, AHEAD_S * z)), motion.q_earth_body[ahead])
     return 2, told_rad, rates
 
 
-@allocating_kernel
+@kernel
 def _turn_all(q_earth_body: F64, start: int, count: int, turn_rad: float) -> None:
     """Turn so many kept orientations about the vertical."""
-    turn = np.array([math.cos(0.5 * turn_rad), 0.0, 0.0, math.sin(0.5 * turn_rad)])
+    turn = q_of_turn(0.0, 0.0, turn_rad)
     for k in range(count):
-        place = q_earth_body[(start + k) % KEPT]
-        _put(q_product(turn, place), place)
+        q = q_earth_body[(start + k) % KEPT]
+        _put(turned(turn, (q[0], q[1], q[2], q[3])), q)
 
 
 @kernel
@@ -216,7 +204,7 @@ def _is_close(t_s: F64, start: int, count: int, from_s: float, to_s: float) -> b
 
 @kernel
 def _turned_at(motion: Record, start: int, count: int, at_s: float) -> float:
-    """How far the gyro has turned about the vertical since the start, at a spanned instant."""
+    """How far the gyro has turned about body z since the start, at a spanned instant."""
     k = _index_before(motion.t_s, start, count, at_s)
     a, b = (start + k) % KEPT, (start + k + 1) % KEPT
     share = (at_s - motion.t_s[a]) / (motion.t_s[b] - motion.t_s[a])
@@ -236,7 +224,7 @@ def _between(
         k = start + _index_before(t_s, start, count, middle_s)
         gap_s = t_s[(k + 1) % KEPT] - t_s[k % KEPT]
     _, pitch_rad, yaw_rad = _rpy_at(t_s, motion.q_earth_body, start, count, middle_s)
-    if motion.heading.gyro_since_s > from_s or not (oldest_s <= from_s and to_s <= newest_s):
+    if motion.orientation.gyro_since_s > from_s or not (oldest_s <= from_s and to_s <= newest_s):
         return pitch_rad, yaw_rad, gap_s, math.nan
     turned_rad = _turned_at(motion, start, count, to_s) - _turned_at(motion, start, count, from_s)
     return pitch_rad, yaw_rad, gap_s, turned_rad
@@ -260,8 +248,7 @@ class AttitudeRing:
         self.q_earth_body: F64 = motion["q_earth_body"][0]
         self.start = self.count = 0
         self.count_ahead = 0  # samples, and the place behind them where the newest is carried on
-        self.heading = HeadingFilter(motion["heading"], ErrorState(motion["errors"]))
-        self.tilt = TiltFilter(motion["tilt"])
+        self.orientation = OrientationFilter(motion["orientation"], ErrorState(motion["errors"]))
         self._levels = levels  # False: roll and pitch are the sensor's
         self.rate_body_radps: Rates = (0.0, 0.0, 0.0)  # newest; NaN where it is not delivered
         self.newest_s = -math.inf  # time of the newest sample; -inf when there is none
@@ -298,7 +285,7 @@ class AttitudeRing:
 
         Returns:
             Pitch and yaw of the body in its middle, the time between the samples there (inf where
-            they do not span it), and how far the gyro turned about the vertical, bias and all: NaN
+            they do not span it), and how far the gyro turned about body z, bias and all: NaN
             where it did not tell throughout.
         """
         return _between(self._motion, self.start, self.count, from_s, to_s)

@@ -1,54 +1,86 @@
-"""The error state of heading and position: what is estimated, and how sure that is.
+"""The error state of the body's motion: what is estimated, and how sure that is.
 
-Ten numbers with one covariance. `value` holds what is owed to the told pose (position and yaw), and
-the constants of the sensors as estimated so far; `P` is the covariance of their errors (truth minus
-estimate). Position is that at the newest wheel counts, yaw that of the newest attitude: the few
+Nineteen numbers with one covariance P. `value` holds what is owed to the told pose, and the
+constants of the sensors as estimated so far; P is the covariance of their errors (truth minus
+estimate). With theta a turn about the earth's axes, of which x and y are the tilt and z is the yaw,
+and p a place:
+
+    truth R = exp(theta) R(told)       theta' = -R b                b: the gyro's bias, body axes
+    truth p = p(told) + (x, y)         (x, y)' = theta_z x v + s v  s: scale of the wheels, v: speed
+
+Time passes in steps of a tenth of a second (`pass_time`), way in steps of the wheels (`travel`).
+Position is that at the newest wheel counts, angles those of the newest attitude: the few
 centiseconds between them are left out.
-Source: error-state (indirect) Kalman filter, scalar measurements one after another.
+Source: error-state (indirect) Kalman filter, scalar measurements one after another; Sola,
+Quaternion kinematics for the error-state Kalman filter, 2017, section 7 (global angular errors).
 """
 
 import math
 
 import numpy as np
 
-from core.motion.kalman import begin
+from core.geometry import Matrix
+from core.motion.kalman import begin, fade
 from core.motion.kalman import correct as take
 from core.records import F64
 from jit import Records, allocating_kernel, kernel, records
 
-SIZE = 10
+SIZE = 19
 X, Y, YAW = 0, 1, 2  # m, m, rad: what the told pose is to be corrected by; map frame
-BIAS = 3  # rad/s, of the gyro's rate about the vertical
-OFFSET = 4  # rad, of the sensor's own yaw against the filter's, beyond what is known of it
-SCALE = 5  # relative: true travel is (1 + SCALE) times that of the wheels
-ASYMMETRY = 6  # relative: how much larger the right wheel is than the left one
-ALIGN_X, ALIGN_Y, ALIGN_YAW = 7, 8, 9  # of a positioning system's frame in the map frame
+TILT = 3  # and 4: rad, the same about the earth's x and y
+BIAS = 5  # to 7: rad/s, of the gyro's rates about body x, y,
+BIAS_Z = 7  # and z
+WANDER = 8  # and 9: rad, by which the sensor's own tilt errs about the earth's x and y, for a while
+OFFSET = 10  # rad, of the sensor's own yaw against the filter's, beyond what is known of it
+SHARE = 11  # of what it feels of the robot's driving, which the sensor takes for the vertical's
+CASE = 12  # and 13: rad, by which it sits askew on the body for always, about body x and y
+SCALE = 14  # relative: true travel is (1 + SCALE) times that of the wheels
+ASYMMETRY = 15  # relative: how much larger the right wheel is than the left one
+ALIGN_X, ALIGN_Y, ALIGN_YAW = 16, 17, 18  # of a positioning system's frame in the map frame
 
 ERRORS = np.dtype([("value", np.float64, SIZE), ("P", np.float64, (SIZE, SIZE))])
-START_BIAS_RADPS = math.radians(0.5)
+START_BIAS_RADPS = math.radians(0.5)  # of a gyro that is not calibrated
+LIKELY_BIAS_RADPS = math.radians(0.1)  # of one that is
 START_SCALE = 0.04
 START_ASYMMETRY = 0.005
+START_SHARE = 1.0 / 3.0  # a sensor that leans wholly is three sigmas off
+BIAS_VAR = math.radians(0.003) ** 2  # (rad/s)2/s: random walk of a bias
+WANDER_RAD, WANDER_S = math.radians(0.1), 20.0  # sheet: repeatability 0.2 deg is two sigmas
+OFFSET_RAD, OFFSET_S = math.radians(1.0), 100.0  # sheet: heading 1 deg; its time is chosen
+CASE_RAD = math.radians(0.25)  # sheet: static accuracy 0.5 deg is two sigmas
 
 
 @kernel
-def turn(
-    P: F64, value: F64, biased_s: float, yaw_var: float, bias_var: float, kept: float, var: float
+def pass_time(
+    P: F64, value: F64, R: Matrix, dt_s: float, turn_var: float, yaw_stands: bool
 ) -> None:
-    """Time passes: the yaw's error grows with the bias's, the offset's returns to its middle.
+    """Time passes: angles err by what the biases turn them; what wanders returns to its middle.
 
-    Variances are what that adds, `kept` is what stays of the offset. `biased_s` is for how long yaw
-    was moved by the gyro, whose bias becomes its error.
+    Args:
+        R: the told orientation, rows of R_earth_body.
+        turn_var: what the gyro's own errors add to the variance of each angle.
+        yaw_stands: the told yaw was not moved by the gyro.
     """
-    for n in range(SIZE):
-        P[YAW, n] -= biased_s * P[BIAS, n]
-        P[OFFSET, n] *= kept
-    for n in range(SIZE):
-        P[n, YAW] -= biased_s * P[n, BIAS]
-        P[n, OFFSET] *= kept
-    P[YAW, YAW] += yaw_var
-    P[BIAS, BIAS] += bias_var
-    P[OFFSET, OFFSET] += var
-    value[OFFSET] *= kept
+    for i in range(2 if yaw_stands else 3):
+        row, (x, y, z) = (TILT + i if i < 2 else YAW), R[i]
+        for n in range(SIZE):
+            P[row, n] -= dt_s * (x * P[BIAS, n] + y * P[BIAS + 1, n] + z * P[BIAS_Z, n])
+    for i in range(2 if yaw_stands else 3):
+        row, (x, y, z) = (TILT + i if i < 2 else YAW), R[i]
+        for n in range(SIZE):
+            P[n, row] -= dt_s * (x * P[n, BIAS] + y * P[n, BIAS + 1] + z * P[n, BIAS_Z])
+        P[row, row] += turn_var
+    for k in range(3):
+        P[BIAS + k, BIAS + k] += BIAS_VAR * dt_s
+    return_to_middle(P, value, WANDER, WANDER_RAD, math.exp(-dt_s / WANDER_S))
+    return_to_middle(P, value, WANDER + 1, WANDER_RAD, math.exp(-dt_s / WANDER_S))
+    return_to_middle(P, value, OFFSET, OFFSET_RAD, math.exp(-dt_s / OFFSET_S))
+
+
+@kernel
+def return_to_middle(P: F64, value: F64, row: int, sigma: float, kept: float) -> None:
+    """An Ornstein-Uhlenbeck process of such a sigma keeps a share of what it was."""
+    fade(P, value, row, kept, sigma * sigma * (1.0 - kept * kept))
 
 
 @kernel
@@ -77,17 +109,11 @@ def travel(P: F64, dx_m: float, dy_m: float, along_var: float, across_var: float
 
 @allocating_kernel
 def correct(P: F64, value: F64, h: F64, innovation: float, variance: float) -> None:
-    """One scalar measurement: innovation, measured minus expected, = h (10,) . error + noise.
+    """One scalar measurement: innovation, measured minus expected, = h (19,) . error + noise.
 
     The variance of the noise must be positive.
     """
     take(P, value, h, innovation, variance, np.zeros(SIZE))
-
-
-@kernel
-def spread_of_sum(P: F64, one: int, other: int) -> float:
-    """Variance of the sum of two errors."""
-    return float((P[one, one] + P[other, one]) + (P[one, other] + P[other, other]))
 
 
 @kernel
@@ -100,14 +126,8 @@ def define(P: F64, row: int, like: int, sign: float, variance: float) -> None:
     P[row, row] = P[like, like] + variance
 
 
-@kernel
-def forget(P: F64, row: int, variance: float) -> None:
-    """Begin a state anew that has to do with no other one."""
-    begin(P, row, variance)
-
-
 class ErrorState:
-    """`value` (10,) and `P` (10, 10), in the order of the names above; units of each as there.
+    """`value` (19,) and `P` (19, 19), in the order of the names above; units of each as there.
 
     They lie in `record` (1,), of ERRORS.
     """
@@ -116,9 +136,16 @@ class ErrorState:
         self.record = record = records(ERRORS) if record is None else record
         self.value: F64 = record["value"][0]
         self.P: F64 = record["P"][0]
-        self.P[BIAS, BIAS] = START_BIAS_RADPS**2
-        self.P[SCALE, SCALE] = START_SCALE**2
-        self.P[ASYMMETRY, ASYMMETRY] = START_ASYMMETRY**2
+        for row, sigma in (
+            *((BIAS + k, LIKELY_BIAS_RADPS) for k in range(2)),
+            (BIAS_Z, START_BIAS_RADPS),
+            *((WANDER + k, WANDER_RAD) for k in range(2)),
+            *((CASE + k, CASE_RAD) for k in range(2)),
+            (SHARE, START_SHARE),
+            (SCALE, START_SCALE),
+            (ASYMMETRY, START_ASYMMETRY),
+        ):
+            self.P[row, row] = sigma**2
 
     def correct(self, h: F64, innovation: float, variance: float) -> None:
         """Take a measurement, as `correct` above."""
@@ -148,7 +175,7 @@ class ErrorState:
 
     def forget(self, row: int, variance: float) -> None:
         """Begin a state anew that has to do with no other one."""
-        forget(self.P, row, variance)
+        begin(self.P, row, variance)
 
     def begin_map(self) -> None:
         """The pose of now is the map's frame: nothing is unsure about it, but the offset is."""

@@ -35,8 +35,9 @@ def spread(h: F64, P: F64) -> float:
     """h P h': variance of what h (n,) tells of the states."""
     total = 0.0
     for i in range(h.size):
-        for k in range(h.size):
-            total += h[i] * P[i, k] * h[k]
+        if h[i] != 0.0:
+            for k in range(h.size):
+                total += h[i] * P[i, k] * h[k]
     return total
 
 

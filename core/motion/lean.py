@@ -1,13 +1,14 @@
-"""How far an attitude sensor leans by what the robot's own driving makes it feel.
+"""By how much a sensor leans that takes what it feels of the robot's driving for the vertical.
 
-It takes the mean of what it feels over some seconds for the vertical. Felt is gravity less the
-acceleration of the body, which the wheels tell, so its angles are off by
+It takes the mean of what it feels over some seconds. Felt is gravity less the acceleration of the
+body, which the wheels tell: with the speed V along the way, a vector in earth's axes,
 
-    off = share / g * (low pass over LEAN_S of the acceleration)
+    A = (V - V_slow) / LEAN_S,   V_slow follows V within LEAN_S
+    l = (A_y, -A_x) / g          about earth's x and y, and within LEAN_RAD
 
-Of an acceleration along the way, that low pass is (v - v_slow) / LEAN_S, where v_slow follows v. A
-sensor that takes accelerations out by itself leans by a smaller share. It is learnt: a Kalman
-filter of one state, measured by how far the sensor's angles are off the gyro's.
+A sensor that takes accelerations out by itself leans by a smaller share, which is a state of the
+filter. At the first news the robot may have gone so for long: then l is zero. Without news, l
+fades within LEAN_S.
 Source: MTi sheet, section 7 (orientation filter: gravity by the mean acceleration of some seconds).
 """
 
@@ -18,28 +19,20 @@ import numpy as np
 from jit import Record, Records, kernel
 
 LEAN_S = 4.0  # in which the sensor turns to what it feels: 2 to 8 s hardly differ
+LEAN_RAD = math.radians(5.0)  # at most, as of 0.9 m/s2 for long: more is a wheel that spins
 GRAVITY_MPS2 = 9.81
-SIGMA_SHARE = 1.0 / 3.0  # before anything is known: a sensor that leans wholly is three sigmas off
-SIGMA_RAD = math.radians(0.15)  # what its angles wander by besides, within LEAN_S
-WHEELS_S = 0.5  # without wheels for so long, nothing is known of the acceleration
-MOST_RAD = math.radians(5.0)  # as of 0.9 m/s2 for long: more is a wheel that spins
+LASTS_S = 0.5  # for so long the newest speed speaks of now
 
 LEAN = np.dtype(
     [
-        ("share", np.float64),
-        ("share_var", np.float64),
-        ("slow_mps", np.float64),  # speed, low pass
-        ("roll_rad", np.float64),  # by which a sensor that leans wholly is off
-        ("pitch_rad", np.float64),
+        ("known", np.bool_),  # there was news
+        ("speed_mps", np.float64, 2),  # by the wheels, earth's x and y,
+        ("slow_mps", np.float64, 2),  # and its low pass
+        ("rad", np.float64, 2),  # l
         ("lasts_s", np.float64),  # for so long without news from the wheels
     ],
     align=True,
 )
-
-
-def start(lean: Records) -> None:
-    """Nothing is known yet. lean: (1,) of LEAN."""
-    lean["share_var"] = SIGMA_SHARE**2
 
 
 @kernel
@@ -48,35 +41,26 @@ def _within(most: float, value: float) -> float:
 
 
 @kernel
-def note_wheels(lean: Record, dt_s: float, v_mps: float, w_radps: float) -> None:
-    """The wheels went at such a speed, and turned at such a rate, for so long."""
-    passed = 1.0 - math.exp(-dt_s / LEAN_S)
-    lean.slow_mps += passed * (v_mps - lean.slow_mps)
-    forward = (v_mps - lean.slow_mps) / (LEAN_S * GRAVITY_MPS2)
-    sideways = v_mps * w_radps / GRAVITY_MPS2
-    lean.pitch_rad = _within(MOST_RAD, -forward)
-    lean.roll_rad += passed * (_within(MOST_RAD, sideways) - lean.roll_rad)
-    lean.lasts_s = WHEELS_S
-
-
-@kernel
-def lean_of(lean: Record) -> tuple[float, float]:
-    """By how much roll and pitch of the sensor lean, as far as that is known."""
-    return lean.share * lean.roll_rad, lean.share * lean.pitch_rad
-
-
-@kernel
-def lean_step(lean: Record, dt_s: float, off_rad: tuple[float, float]) -> tuple[float, float]:
-    """Learn from how far the sensor's roll and pitch are off the gyro's; by how much they lean."""
-    lean.lasts_s -= dt_s
-    if lean.lasts_s <= 0.0:  # it comes back by itself
-        kept = math.exp(-dt_s / LEAN_S)
-        lean.roll_rad, lean.pitch_rad = kept * lean.roll_rad, kept * lean.pitch_rad
-    R = 2.0 * LEAN_S / dt_s * SIGMA_RAD**2  # samples within LEAN_S err alike
+def note_speed(leans: Records, dt_s: float, v_mps: float, yaw_rad: float) -> None:
+    """The wheels went at such a speed along such a yaw, for so long. leans: (1,) of LEAN."""
+    lean, passed = leans[0], 1.0 - math.exp(-dt_s / LEAN_S)
+    lean.speed_mps[0], lean.speed_mps[1] = v_mps * math.cos(yaw_rad), v_mps * math.sin(yaw_rad)
+    if not lean.known:  # it may have gone so for long
+        lean.known, passed = True, 1.0
     for k in range(2):
-        h = lean.roll_rad if k == 0 else lean.pitch_rad
-        gain = lean.share_var * h / (h * h * lean.share_var + R)
-        lean.share = _within(1.0, lean.share + gain * (off_rad[k] - lean.share * h))
-        lean.share_var *= 1.0 - gain * h
-    lean.share = max(0.0, lean.share)
-    return lean_of(lean)
+        lean.slow_mps[k] += passed * (lean.speed_mps[k] - lean.slow_mps[k])
+    scale = 1.0 / (LEAN_S * GRAVITY_MPS2)
+    lean.rad[0] = _within(LEAN_RAD, scale * (lean.speed_mps[1] - lean.slow_mps[1]))
+    lean.rad[1] = _within(LEAN_RAD, scale * (lean.slow_mps[0] - lean.speed_mps[0]))
+    lean.lasts_s = LASTS_S
+
+
+@kernel
+def fade(lean: Record, dt_s: float) -> None:
+    """Time passes; without news from the wheels, the lean comes back by itself."""
+    lean.lasts_s -= dt_s
+    if lean.lasts_s <= 0.0:
+        kept = math.exp(-dt_s / LEAN_S)
+        for k in range(2):
+            lean.rad[k] *= kept
+            lean.slow_mps[k] = lean.speed_mps[k] + kept * (lean.slow_mps[k] - lean.speed_mps[k])

@@ -1,4 +1,4 @@
-"""Pose at a time, or none: travel from the wheels' encoders, heading from the heading filter.
+"""Pose at a time, or none: travel from the wheels' encoders, heading from the orientation's filter.
 
 Each pair of counts closes an interval; its travel is laid along the heading in the middle of it,
 made horizontal by the pitch there. Behind the newest pair the pose goes on at the last speed for a
@@ -90,7 +90,7 @@ class Odometry:
         gear_ratio: float,
         track_width_m: float,
     ) -> None:
-        self._attitudes, self._state = attitudes, attitudes.heading.state
+        self._attitudes, self._state = attitudes, attitudes.orientation.state
         self._m_per_count = 2 * math.pi * wheel_radius_m / (4 * encoder_ppr * gear_ratio)
         self._track_width_m = track_width_m
         self._path = Path()
@@ -234,7 +234,9 @@ class Odometry:
             return
         moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
         wheels_rad = (right_m - left_m) / self._track_width_m
-        self._attitudes.heading.note_wheels(last.t_s, counts.t_s, wheels_rad, moved=moved)
+        self._attitudes.orientation.note_wheels(
+            last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
+        )
         self.wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
         dx_m, dy_m, dz_m = self._along(travel_m * self.scale, pitch_rad, middle_rad)
         paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, abs(travel_m * turned_rad))
@@ -244,7 +246,7 @@ class Odometry:
         self._path.append(counts.t_s, *place_m, driven_m + travel_m)
         self.v_mps = travel_m * self.scale / dt_s
         self.w_radps = wheels_rad / dt_s
-        self._attitudes.tilt.note_wheels(dt_s, self.v_mps, turned_rad / dt_s)
+        self._attitudes.orientation.note_speed(dt_s, self.v_mps, middle_rad)
 
     def _lay_down(
         self, dt_s: float, dx_m: float, dy_m: float, hidden_m: float
@@ -332,7 +334,7 @@ class Odometry:
         pending_m = self._state.value[[X, Y]]
         self._path.move(float(pending_m[0]), float(pending_m[1]))
         self._state.value[[X, Y]] = 0.0
-        turn_rad = self._attitudes.heading.pay_all()
+        turn_rad = self._attitudes.orientation.pay_all()
         self._attitudes.turn_all(turn_rad)
         self._yaw_last_rad += turn_rad
         self.breaks += 1

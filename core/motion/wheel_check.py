@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec import Struct
 
-from core.motion.error_state import ASYMMETRY, BIAS, SIZE, ErrorState
+from core.motion.error_state import ASYMMETRY, BIAS_Z, SIZE, ErrorState
 
 SHORT_S = 0.25  # slip is looked for in windows of so long
 LONG_S = 1.0  # and the bias in those
@@ -63,7 +63,7 @@ class WheelCheck:
 
     def __init__(self, state: ErrorState, track_width_m: float, m_per_count: float) -> None:
         self._state, self._track_width_m = state, track_width_m
-        self._round_rad = COUNTS * m_per_count / track_width_m
+        self.round_rad = COUNTS * m_per_count / track_width_m  # how well a turn is told
         self._short: deque[Turn] = deque()
         self._long = Sums()
         self._speed_mps = math.nan
@@ -106,12 +106,12 @@ class WheelCheck:
         short = Sums()
         for turn in self._short:
             short.add(turn)
-        turned_rad = short.gyro_rad - float(self._state.value[BIAS]) * short.dt_s
-        bias_rad = GATE * math.sqrt(float(self._state.P[BIAS, BIAS])) * short.dt_s
+        turned_rad = short.gyro_rad - float(self._state.value[BIAS_Z]) * short.dt_s
+        bias_rad = GATE * math.sqrt(float(self._state.P[BIAS_Z, BIAS_Z])) * short.dt_s
         allowed_rad = (
             SLIP_RAD
             + bias_rad
-            + 2 * self._round_rad
+            + 2 * self.round_rad
             + SLIP_TURN * abs(turned_rad)
             + SLIP_TRAVEL * short.driven_m / self._track_width_m
         )
@@ -125,11 +125,11 @@ class WheelCheck:
     def _learn(self) -> None:
         """Bias and asymmetry from a second in which nothing slipped."""
         long, h, state = self._long, np.zeros(SIZE), self._state
-        h[BIAS], h[ASYMMETRY] = long.dt_s, long.travel_m / self._track_width_m
+        h[BIAS_Z], h[ASYMMETRY] = long.dt_s, long.travel_m / self._track_width_m
         innovation_rad = long.gyro_rad - long.wheels_rad - float(h @ state.value)
         variance = (
             FLOOR_RAD**2
-            + 2 * self._round_rad**2
+            + 2 * self.round_rad**2
             + GYRO_RAD**2 * long.dt_s
             + WANDER_RAD**2 * long.driven_m
             + (TURN_SHARE * long.wheels_rad) ** 2

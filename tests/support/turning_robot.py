@@ -8,10 +8,10 @@ import numpy as np
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
-from core.motion.heading import OFFSET_S
 from core.motion.odometry import Odometry
 from core.records import F64, Attitude, ExternalPose, WheelCounts
 
+WANDER_S = 60.0  # how slowly the sensor's own yaw wanders
 TRACK_M, COUNTS_PER_M = 0.5, 2000 / (2 * math.pi * 0.15)
 FIELD_NORTH, FIELD_UP = 0.4, -0.9
 YAW_START_RAD = 0.3  # of the sensor, where the map begins
@@ -78,7 +78,7 @@ class Robot:
     @property
     def error(self) -> F64:
         """Estimate minus truth now: x, y (m), yaw (rad)."""
-        state = self.ring.heading.state.value
+        state = self.ring.orientation.state.value
         x_m, y_m = self.odometry.xy_at(self.t_s) + state[:2]
         return np.array(
             [x_m - self.x_m, y_m - self.y_m, wrapped(self.yaw_error_rad + float(state[2]))]
@@ -105,7 +105,7 @@ class Robot:
         per_s = COUNTS_PER_M / (1 + errors.scale)
         self.left += (v - 0.5 * TRACK_M * turn_mps + slip[0]) * dt_s * per_s
         self.right += (v + 0.5 * TRACK_M * turn_mps + slip[1]) * dt_s * per_s
-        kept = math.exp(-dt_s / OFFSET_S)
+        kept = math.exp(-dt_s / WANDER_S)
         fresh = errors.wander * math.sqrt(1 - kept * kept)
         self.wander_rad = kept * self.wander_rad + fresh * self.random.standard_normal()
         self.k += 1

@@ -4,9 +4,9 @@ A return a metres ahead and b metres aside of the axle, after a signed way L, is
 
     z = true + x + p a + r b + s_p (a + L) + s_r b + noise
 
-(p, r): what the tilt filter leaves, an Ornstein-Uhlenbeck process; (s_p, s_r): what the attitude is
-always off by. The odometry's height runs away with the pitch: dx = p dL. Ground is laid at
-z - x - p a - r b and keeps its arms (a + L, b). Seen again, with other arms, it differs by
+(p, r): what the orientation's filter leaves, an Ornstein-Uhlenbeck process; (s_p, s_r): what the
+attitude is always off by. The odometry's height runs away with the pitch: dx = p dL. Ground is laid
+at z - x - p a - r b and keeps its arms (a + L, b). Seen again, with other arms, it differs by
 
     h (x, p, r, s_p, s_r)',   h = (1, a, b, arm now - arm then, aside now - aside then)
 
@@ -70,7 +70,7 @@ def forget(passed_s: float, driven_m: float, own: F64, P: F64) -> None:
 
 @kernel
 def jump(P: F64) -> None:
-    """The tilt filter has gone over to other angles: nothing is known of the fast part."""
+    """The orientation's filter has gone over to other angles: nothing is known of the fast part."""
     for fast in range(1, 3):
         begin(P, fast, SIGMA_JUMP_RAD**2)
 
@@ -204,7 +204,7 @@ class SweepFilter:
     def follow(self, t_s: float, travel_m: float, doubted: int) -> tuple[float, float]:
         """Time has passed, and way: how much of both since the scan before.
 
-        doubted: how often the tilt filter has gone over to other angles.
+        doubted: how often the orientation's filter has gone over to other angles.
         """
         passed_s, driven_m = t_s - self._last_s, travel_m - self._travel_m
         self._last_s, self._travel_m = t_s, travel_m

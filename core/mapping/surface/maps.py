@@ -147,7 +147,9 @@ class SurfaceMaps:
         """Take a sweep that attitude and odometry cover; how many returns it had."""
         rays = self._geometry.cast(scan, attitudes, odometry)
         body = body_pose_at(rays.t_s, attitudes, odometry)
-        passed_s, driven_m = self._error.follow(rays.t_s, body.travel_m, attitudes.tilt.doubted)
+        passed_s, driven_m = self._error.follow(
+            rays.t_s, body.travel_m, attitudes.orientation.doubted
+        )
         # a wheel that lifts the lens tips the body, by the lever from the axle to the lens
         lens_m2 = FLAT_M**2 + (self._arm_m * self._sway.follow(passed_s, body.slopes)) ** 2
         self.grid.follow(body.x_m, body.y_m)

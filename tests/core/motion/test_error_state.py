@@ -5,21 +5,31 @@ import math
 import numpy as np
 import pytest
 
+from core.geometry import R_from_rpy
 from core.motion.error_state import (
     ALIGN_X,
     ASYMMETRY,
     BIAS,
+    BIAS_VAR,
+    BIAS_Z,
     OFFSET,
+    OFFSET_RAD,
+    OFFSET_S,
     SCALE,
     SIZE,
     START_BIAS_RADPS,
+    TILT,
+    WANDER,
+    WANDER_RAD,
+    WANDER_S,
     YAW,
     ErrorState,
     X,
     Y,
+    pass_time,
     travel,
-    turn,
 )
+from core.motion.kalman import spread
 from core.motion.wheel_check import GONE_S, Turn, WheelCheck
 from core.records import F64
 
@@ -44,18 +54,28 @@ def test_a_measurement_is_taken_as_in_the_textbook() -> None:
     np.testing.assert_allclose(state.P, (np.eye(SIZE) - np.outer(gain, h)) @ P, atol=1e-12)
     np.testing.assert_array_equal(state.P, state.P.T)
     assert state.spread(h) == pytest.approx(float(h @ state.P @ h))
+    assert spread(h, state.P) == pytest.approx(state.spread(h))
 
 
-def test_time_makes_the_bias_an_error_of_yaw() -> None:
-    state, F = full_state(3), np.eye(SIZE)
-    P = state.P.copy()
-    F[YAW, BIAS], F[OFFSET, OFFSET] = -0.01, 0.9
-    Q = np.zeros((SIZE, SIZE))
-    Q[YAW, YAW], Q[BIAS, BIAS], Q[OFFSET, OFFSET] = 0.1, 0.2, 0.3
-    offset_rad = state.value[OFFSET]
-    turn(state.P, state.value, 0.01, 0.1, 0.2, 0.9, 0.3)
-    assert state.value[OFFSET] == 0.9 * offset_rad
+@pytest.mark.parametrize("yaw_stands", [False, True])
+def test_time_makes_the_biases_errors_of_the_angles_they_turn(yaw_stands: bool) -> None:
+    state, F, Q = full_state(3), np.eye(SIZE), np.zeros((SIZE, SIZE))
+    P, value, R = state.P.copy(), state.value.copy(), R_from_rpy(0.2, -0.3, 1.0)
+    turns = (TILT, TILT + 1) if yaw_stands else (TILT, TILT + 1, YAW)
+    for i, row in enumerate(turns):
+        F[row, BIAS : BIAS + 3], Q[row, row] = -0.1 * R[i], 0.7
+        Q[BIAS + i, BIAS + i] = BIAS_VAR * 0.1
+    Q[BIAS_Z, BIAS_Z] = BIAS_VAR * 0.1
+    wandering = ((WANDER, WANDER_RAD, WANDER_S), (WANDER + 1, WANDER_RAD, WANDER_S))
+    for row, sigma, lasts_s in (*wandering, (OFFSET, OFFSET_RAD, OFFSET_S)):
+        F[row, row] = math.exp(-0.1 / lasts_s)
+        Q[row, row] = sigma**2 * (1 - F[row, row] ** 2)
+    one, two, three = R.tolist()
+    pass_time(state.P, state.value, (tuple(one), tuple(two), tuple(three)), 0.1, 0.7, yaw_stands)
     np.testing.assert_allclose(state.P, F @ P @ F.T + Q, atol=1e-12)
+    for row in (WANDER, WANDER + 1, OFFSET):
+        value[row] *= F[row, row]
+    np.testing.assert_allclose(state.value, value)
 
 
 def test_a_step_makes_yaw_and_scale_errors_of_position() -> None:
@@ -102,13 +122,13 @@ def turns(check: WheelCheck, seconds: float, *, v: float, wheels: float, gyro: f
 def test_straight_wheels_tell_the_gyros_bias() -> None:
     state = ErrorState()
     value = turns(WheelCheck(state, TRACK_M, M_PER_COUNT), 20, v=0.02, wheels=0.0, gyro=RAD(0.4))
-    assert value[BIAS] == pytest.approx(RAD(0.4), abs=RAD(0.1))
-    assert state.P[BIAS, BIAS] < START_BIAS_RADPS**2 / 9
+    assert value[BIAS_Z] == pytest.approx(RAD(0.4), abs=RAD(0.1))
+    assert state.P[BIAS_Z, BIAS_Z] < START_BIAS_RADPS**2 / 9
 
 
 def test_a_bias_that_is_known_tells_of_unequal_wheels() -> None:
     state = ErrorState()
-    state.P[BIAS, BIAS] = RAD(0.01) ** 2
+    state.P[BIAS_Z, BIAS_Z] = RAD(0.01) ** 2
     check = WheelCheck(state, TRACK_M, M_PER_COUNT)
     value = turns(check, 60, v=0.5, wheels=0.0, gyro=0.005 * 0.5 / TRACK_M)
     assert value[ASYMMETRY] == pytest.approx(0.005, abs=0.0015)
@@ -123,6 +143,6 @@ def test_a_slip_begins_once_ends_a_while_after_and_teaches_nothing() -> None:
     assert (check.slipping, check.slips) == (True, 1)
     value = turns(check, GONE_S + 0.3, v=0.5, wheels=0.0, gyro=0.0)
     assert (check.slipping, check.slips) == (False, 1)
-    assert value[BIAS] == 0.0
+    assert value[BIAS_Z] == 0.0
     turns(check, 3, v=0.5, wheels=1.0, gyro=math.nan)  # nobody knows
     assert (check.slipping, check.slips) == (False, 1)

@@ -2,10 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 
-from core.motion.lean import GRAVITY_MPS2, LEAN_S, MOST_RAD
-from core.motion.tilt import TiltFilter, tilt_step
+from core.geometry import R_from_rpy, q_from_R
+from core.motion.attitude import AttitudeRing
+from core.motion.error_state import SHARE
+from core.motion.lean import GRAVITY_MPS2, LEAN_RAD, LEAN_S
+from core.records import Attitude
 
 PERIOD_S = 0.01
 Way = tuple[float, float]  # speed, rate of turn
@@ -24,8 +28,9 @@ class Drive:
     """A level robot, whose sensor leans by a share of what it feels; how far its tilt is off."""
 
     def __init__(self, share: float) -> None:
-        self.share, self.tilt, self.t_s = share, TiltFilter(), 0.0
-        self.felt, self.speed, self.worst_rad = [0.0, 0.0], 0.0, 0.0
+        self.share, self.ring, self.t_s = share, AttitudeRing(0, 0, 0, levels=True), 0.0
+        self.lean, self.yaw, self.speed = np.zeros(2), 0.0, np.zeros(2)  # earth's x and y
+        self.worst_rad = 0.0
 
     def go(self, seconds: float, way: object, *, has_wheels: bool = True) -> float:
         """The worst error, rad, of roll and pitch on a way of so many seconds."""
@@ -34,19 +39,28 @@ class Drive:
         for _ in range(round(seconds / PERIOD_S)):
             self.t_s += PERIOD_S
             v, w = way(self.t_s)
-            accel, self.speed = (v - self.speed) / PERIOD_S, v
-            for k, feels in enumerate((v * w, -accel)):
-                self.felt[k] += PERIOD_S / LEAN_S * (feels / GRAVITY_MPS2 - self.felt[k])
+            self.yaw += w * PERIOD_S
+            speed = v * np.array([math.cos(self.yaw), math.sin(self.yaw)])
+            felt, self.speed = (speed - self.speed) / PERIOD_S / GRAVITY_MPS2, speed
+            self.lean += PERIOD_S / LEAN_S * (np.array([felt[1], -felt[0]]) - self.lean)
             if has_wheels:
-                self.tilt.note_wheels(PERIOD_S, v, w)
-            angles = self.share * self.felt[0], self.share * self.felt[1]
-            told = tilt_step(self.tilt.record[0], self.t_s, angles, (0.0, 0.0, w), False)
-            self.worst_rad = max(self.worst_rad, abs(told[0]), abs(told[1]))
+                self.ring.orientation.note_speed(PERIOD_S, v, self.yaw)
+            x, y = (self.share * self.lean).tolist()
+            q = q_from_R(R_from_rpy(x, y, 0.0) @ R_from_rpy(0.0, 0.0, self.yaw)).tolist()
+            self.ring.add(Attitude(self.t_s, tuple(q), (0.0, 0.0, w)))
+            roll, pitch, _ = self.ring.newest_rpy()
+            self.worst_rad = max(self.worst_rad, abs(roll), abs(pitch))
         return self.worst_rad
 
     @property
     def learnt(self) -> float:
-        return float(self.tilt.record["lean"]["share"][0])
+        return float(self.ring.orientation.state.value[SHARE])
+
+    @property
+    def leant_rad(self) -> list[float]:
+        """As the wheels say, about earth's x and y, if it leant wholly."""
+        x, y = self.ring.orientation.record["lean"]["rad"][0].tolist()
+        return [float(x), float(y)]
 
 
 @pytest.mark.parametrize("way", [to_and_fro, in_curves])
@@ -69,16 +83,23 @@ def test_a_wheel_that_spins_moves_the_tilt_by_no_more_than_its_bound() -> None:
     drive = Drive(share=1.0)
     drive.go(120.0, to_and_fro)
     for _ in range(100):
-        drive.tilt.note_wheels(PERIOD_S, 50.0, 5.0)
-    lean = drive.tilt.record["lean"][0]
-    assert max(abs(lean["pitch_rad"]), abs(lean["roll_rad"])) <= MOST_RAD
+        drive.ring.orientation.note_speed(PERIOD_S, 50.0, 5.0)
+    assert max(map(abs, drive.leant_rad)) <= LEAN_RAD
 
 
 def test_what_wheels_said_fades_where_they_fall_silent() -> None:
     drive = Drive(share=1.0)
     drive.go(7.0, to_and_fro)
-    leant = drive.tilt.record["lean"]["pitch_rad"][0]
+    leant = drive.leant_rad[1]
     drive.go(3 * LEAN_S, lambda t_s: (0.8, 0.0), has_wheels=False)
-    faded = drive.tilt.record["lean"]["pitch_rad"][0]
+    faded = drive.leant_rad[1]
     assert leant < -0.005
     assert abs(faded) < 0.1 * abs(leant)
+
+
+def test_a_robot_that_is_under_way_at_the_first_news_has_not_just_set_out() -> None:
+    drive = Drive(share=1.0)
+    drive.ring.orientation.note_speed(PERIOD_S, 0.8, 0.3)
+    assert drive.leant_rad == [0.0, 0.0]
+    drive.ring.orientation.note_speed(0.5, 0.0, 0.3)
+    assert math.hypot(*drive.leant_rad) > 0.01

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.motion.attitude import AttitudeRing
-from core.motion.heading import OFFSET_RAD
+from core.motion.error_state import OFFSET_RAD
 from core.motion.odometry import EXTRAPOLATED_S, Odometry
 from core.records import Attitude, ExternalPose, WheelCounts
 from tests.core.motion.test_attitude import attitude

@@ -18,7 +18,7 @@ SHELVES: tuple[Solid, ...] = tuple(
 @pytest.mark.parametrize("method", ["beams", "surface"])
 @pytest.mark.parametrize(
     ("slip", "v_mps", "off_m"),
-    few([(0.15, 0.8, 0.42), (-0.1, 0.8, 0.45), (0.0, 0.5, 0.01), (0.15, 0.4, 0.4)], 2),
+    few([(0.15, 0.8, 0.45), (-0.1, 0.8, 0.45), (0.0, 0.5, 0.01), (0.15, 0.4, 0.45)], 2),
 )
 def test_two_thirds_of_a_slip_towards_upright_faces_are_corrected(
     slip: float, v_mps: float, off_m: float, method: str

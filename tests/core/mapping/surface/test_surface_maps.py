@@ -10,6 +10,7 @@ from core.mapping.freshness import SWEEP_S
 from core.mapping.layers import ON_ASKING, UNITS
 from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
+from jit import COMPILED
 from tests.support.cases import few
 from tests.support.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
 from tests.support.flat_world import Box, Profile, World, ditch, kerb
@@ -127,6 +128,20 @@ def test_heights_over_the_plane_of_the_robot_do_not_tilt_with_its_attitude() -> 
     maps = maps_of(Rig(CONFIG, World(), ride, 6.0).run())
     assert np.nanmax(np.abs(maps.heights_m())) > 0.05
     assert np.nanmax(np.abs(heights_over_plane_m(maps))) < 0.03
+
+
+@pytest.mark.skipif(not COMPILED, reason="a ride through kernels as Python takes minutes")
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), few([(0.4, -0.3), (0.0, 0.5)], 1))
+def test_an_attitude_sensor_that_sits_askew_bends_no_floor_as_the_robot_turns(
+    roll_deg: float, pitch_deg: float
+) -> None:
+    askew_rad = math.radians(roll_deg), math.radians(pitch_deg)
+    rig = Rig(CONFIG, World(), Ride(v_mps=0.4, w_radps=0.3, bias_rad=askew_rad), 50.0).run()
+    maps = maps_of(rig)
+    z_m, seen = maps.heights_m(), maps.cells["looks"] > 0
+    assert len(places_where(rig, OBSTACLE)) == 0
+    assert len(places_where(rig, FREE)) > 3000
+    assert float(np.std(z_m[seen])) < 0.02
 
 
 def test_erasing_forgets_everything() -> None:

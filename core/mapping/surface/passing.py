@@ -6,10 +6,11 @@ Source: docs/method.md, section 4.
 import math
 
 from core.grid.places import cell_at, index_of, part_bit
+from core.grid.touched import touch
 from core.mapping.along import STEP_M, first_place_m, places_along, share_of
 from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface import sweep
-from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at, touch
+from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import arms_m2, parted_m2
 from core.mapping.surface.evidence import expect, lower, vote

@@ -21,12 +21,13 @@ import math
 
 from core.grid.places import cell_at, index_of, ones, part_bit, world_cell
 from core.grid.touched import touch
+from core.mapping.body import in_body
 from core.mapping.rays import last_echo_m
 from core.mapping.surface import cells
 from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2
-from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, in_body
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams
 from core.records import F64
 from jit import Record, kernel
 
@@ -79,7 +80,7 @@ def stay(cell: Record, move: float) -> None:
 @kernel
 def expect(cell: Record, plane: cells.Plane, x: float, y: float, surface: Surface) -> None:
     """Ground that is not seen yet, at a cell's centre; x, y: a point in it."""
-    own, (ahead, aside) = surface.own, in_body(x, y, surface)
+    own, (ahead, aside) = surface.own, in_body(x, y, surface.stand)
     if cell.var_m2 < math.inf:
         stay(cell, plane.z_m - ground_of(cell, own))
     cell.arm_m, cell.aside_m = ahead + surface.stand.travel_m, aside

@@ -59,7 +59,7 @@ class ObstacleWindow:
     @property
     def shown(self) -> Shown:
         """It as it is now, for kernels."""
-        return Shown(self.grid.ring, self.cells.reshape(-1), self.marked, self.changed)
+        return Shown(self.grid.ring, self.cells.ravel(), self.marked, self.changed)
 
     def put(self, at: I32, states: I8) -> None:
         """Set cells by their flat indices (k,), row * size + column, to states (k,)."""

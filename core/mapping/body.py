@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
+from jit import kernel
 
 
 class BodyPose(NamedTuple):
@@ -17,6 +18,13 @@ class BodyPose(NamedTuple):
     slopes: tuple[float, float]  # of the body's x-y plane along map x and y
     travel_m: float  # since the start, signed
     t_s: float = math.nan
+
+
+@kernel
+def in_body(x: float, y: float, body: BodyPose) -> tuple[float, float]:
+    """How far a point of the map lies ahead and aside of the robot."""
+    dx, dy, (hx, hy) = x - body.x_m, y - body.y_m, body.heading
+    return dx * hx + dy * hy, dy * hx - dx * hy
 
 
 def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> BodyPose:

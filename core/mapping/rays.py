@@ -100,6 +100,16 @@ def _cast(
             rays[i, k] = ray[k]
 
 
+@kernel
+def last_echo_m(ranges_m: F64, b: int) -> float:
+    """The last echo of a beam, of ranges (echoes, n); NaN: none."""
+    last = ranges_m[0, b]
+    for k in range(1, ranges_m.shape[0]):
+        if ranges_m[k, b] > last:
+            last = ranges_m[k, b]
+    return float(last)
+
+
 class Sweep(Struct, frozen=True, eq=False):
     """One scan as rays in the map frame; valid until the next one is cast."""
 

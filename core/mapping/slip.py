@@ -59,7 +59,7 @@ def _normal(
         return math.nan, math.nan
     dx = origins[other, 0] + rb * rays[other, 0] - origins[one, 0] - ra * rays[one, 0]
     dy = origins[other, 1] + rb * rays[other, 1] - origins[one, 1] - ra * rays[one, 1]
-    length = math.hypot(dx, dy)
+    length = math.sqrt(dx * dx + dy * dy)
     facing = dy * hx - dx * hy
     if length < 1e-3 or abs(facing) < FACING * length:
         return math.nan, math.nan

@@ -89,11 +89,31 @@ def correct(P: F64, value: F64, h: F64, innovation: float, variance: float, Ph: 
 
 
 @kernel
-def join(P: F64, value: F64, told: Information) -> None:
-    """Take in what is told, by `told.M` and `told.y`."""
+def clear(told: Information) -> None:
+    """Nothing is told."""
+    told.M[:] = 0.0
+    told.y[:] = 0.0
+
+
+@kernel
+def note(told: Information, h: F64, value: float, weight: float) -> None:
+    """A measurement, of the variance 1 / weight: h (n,) times the states."""
+    for i in range(h.size):
+        told.y[i] += weight * h[i] * value
+        for k in range(h.size):
+            told.M[i, k] += weight * h[i] * h[k]
+
+
+@kernel
+def join(P: F64, value: F64, told: Information, times: float) -> None:
+    """Take in so many times what is told."""
     M, y, C, v = told.M, told.y, told.C, told.v
     C[:] = 0.0
     v[:] = 0.0
+    for i in range(y.size):
+        y[i] *= times
+        for k in range(y.size):
+            M[i, k] *= times
     for k in range(y.size):
         left, rest = M[k, k], y[k]
         for m in range(k):

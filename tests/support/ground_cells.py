@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from core.grid.places import Ring, index_of
+from core.grid.touched import Touched
 from core.mapping.body import BodyPose
 from core.mapping.surface.cells import (
     BLANK,
@@ -18,7 +19,6 @@ from core.mapping.surface.cells import (
     Limits,
     Plane,
     Surface,
-    Touched,
     plane_at,
 )
 from core.mapping.surface.evidence import end_beams
@@ -55,9 +55,7 @@ class GroundCells:
         self.own: F64 = np.zeros(5)
         low_i, low_j = corner or (-(size // 2), -(size // 2))
         count = size * size
-        slots, at = np.zeros((2, count), np.int32)
-        said, bits, used = np.zeros(count), np.zeros(count, np.int8), np.zeros(1, np.int32)
-        self.touched = Touched(slots, at, bits, said, used)
+        self.touched = Touched.none(count)
         self.surface = Surface(
             cells=self.cells,
             tall=np.zeros(count, np.uint8),

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.config import Obstacle
-from core.grid.places import index_of, ones
+from core.grid.places import index_in, index_of, ones
 from core.grid.window import ObstacleWindow, Shown, put_state
 from core.mapping import causes
 from core.mapping.beams.cells import GONE_JUDGED, GONE_PASSED, CellGrid, Cells, known
@@ -205,12 +205,6 @@ def _decide(
 
 
 @kernel
-def _covers(window: tuple[int, int, int], i: int, j: int) -> bool:
-    """Whether a world cell lies in a window."""
-    return 0 <= i - window[0] < window[2] and 0 <= j - window[1] < window[2]
-
-
-@kernel
 def _list_causes(
     i: I64,
     j: I64,
@@ -224,14 +218,13 @@ def _list_causes(
     out: U8,
 ) -> None:
     """Fill `out` (n,) with the causes of what the window shows at world cells i, j (n,)."""
-    size = from_window[2]
     for k in range(i.size):
         out[k], into = OUTSIDE, index_of(i[k], j[k], window.ring)
         if into < 0:
             continue
         cause = UNSEEN
-        if _covers(from_window, i[k], j[k]):
-            at = (j[k] % size) * size + i[k] % size
+        at = index_in(i[k], j[k], (from_window[0], from_window[1]), from_window[2])
+        if at >= 0:
             cause = _rule(i[k], j[k], at, layers, sub, bounds, from_window)
             cause = AGED if _is_aged(_state_of(cause), seen_s[at], oldest_s) else cause
         out[k] = _shown_cause(cause, _state_of(cause), window.cells[into])

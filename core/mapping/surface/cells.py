@@ -24,9 +24,11 @@ import numpy as np
 import numpy.typing as npt
 
 from core.grid.places import Ring, from_centre, index_of
+from core.grid.touched import Touched
 from core.mapping.body import BodyPose
+from core.mapping.plane_fit import NO_POINTS, plane_of_sums, with_point
 from core.mapping.surface.constants import *
-from core.records import F64, I8, I32, U8
+from core.records import F64, U8
 from jit import Record, Records, fields, kernel
 
 Cells = npt.NDArray[Any]  # flat, of CELL
@@ -89,16 +91,6 @@ class Limits(NamedTuple):
     block: int  # cells along the edge of a block, whose ground is worked out at once
 
 
-class Touched(NamedTuple):
-    """The cells that a scan has met, once each, and what it has said of them."""
-
-    slots: I32  # (cells,) where in the rest a cell is, if it is there
-    at: I32  # (n,) flat indices
-    bits: I8  # (n,)
-    said: F64  # (n,) what was added to the log-odds
-    used: I32  # (1,) so many of them
-
-
 class Surface(NamedTuple):
     """The map and all else that a scan works with, as kernels are given it."""
 
@@ -129,17 +121,6 @@ class Plane(NamedTuple):
 
 
 NOWHERE = Plane(0.0, 0.0, 0.0, math.inf, -math.inf, LOOSE, False)
-
-
-@kernel
-def touch(at: int, touched: Touched) -> int:
-    """Note a cell once per scan; where what is said of it is kept."""
-    used, slot = touched.used[0], touched.slots[at]
-    if slot < used and touched.at[slot] == at:
-        return int(slot)
-    touched.slots[at], touched.at[used], touched.bits[used] = used, at, 0
-    touched.used[0] = used + 1
-    return int(used)
 
 
 @kernel
@@ -191,8 +172,7 @@ def _fit(one: Record, i: int, j: int, surface: Surface) -> None:
     """Fit a plane to the measured ground around a world cell, a block apart, into its PLANE."""
     cells, ring, own, stand = surface.cells, surface.ring, surface.own, surface.stand
     block, edge = surface.limits.block, ring.cell_m * surface.limits.block
-    w0 = wu = wv = wuu = wuv = wvv = wz = wzu = wzv = 0.0
-    z0, most = 0.0, math.inf
+    sums, z0, most = NO_POINTS, 0.0, math.inf
     dx, dy = (i + 0.5) * ring.cell_m - stand.x_m, (j + 0.5) * ring.cell_m - stand.y_m
     one.i, one.j, one.var_m2, one.seen_s = i, j, math.inf, -math.inf
     one.z_m, one.slope_x, one.slope_y, one.tied, one.is_before = 0.0, 0.0, 0.0, LOOSE, 0
@@ -215,17 +195,7 @@ def _fit(one: Record, i: int, j: int, surface: Surface) -> None:
             most = min(most, ground + (STEEPEST if is_nearer else surface.limits.rises) * away)
             if var < one.var_m2:
                 one.var_m2, one.tied, one.seen_s = var, cell.tied, cell.floor_s
-            z = ground - z0
-            w0, wu, wv, wz = w0 + w, wu + w * u, wv + w * v, wz + w * z
-            wuu, wuv, wvv = wuu + w * u * u, wuv + w * u * v, wvv + w * v * v
-            wzu, wzv = wzu + w * z * u, wzv + w * z * v
-    if w0 == 0.0:
-        return
-    u, v, z = wu / w0, wv / w0, wz / w0
-    prior = 1.0 / (STEEP * STEEP)
-    cuu, cvv, cuv = wuu - w0 * u * u + prior, wvv - w0 * v * v + prior, wuv - w0 * u * v
-    czu, czv = wzu - w0 * z * u, wzv - w0 * z * v
-    det = cuu * cvv - cuv * cuv
-    a = max(-STEEPEST, min(STEEPEST, (czu * cvv - czv * cuv) / det))
-    b = max(-STEEPEST, min(STEEPEST, (czv * cuu - czu * cuv) / det))
-    one.z_m, one.slope_x, one.slope_y = min(most, z0 + z - a * u - b * v), a, b
+            sums = with_point(sums, u, v, ground - z0, w)
+    if one.var_m2 < math.inf:
+        z, one.slope_x, one.slope_y = plane_of_sums(sums, 1.0 / (STEEP * STEEP), STEEPEST)
+        one.z_m = min(most, z0 + z)

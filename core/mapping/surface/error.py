@@ -27,7 +27,7 @@ from core.grid.places import cell_at
 from core.mapping.along import MOST_PLACES
 from core.mapping.surface.cells import Surface, height_over
 from core.mapping.surface.constants import *
-from core.motion.kalman import Information, begin, correct, fade, follow, join, spread
+from core.motion.kalman import Information, begin, clear, correct, fade, follow, join, note, spread
 from core.records import F64, I32
 from jit import Record, Records, kernel
 
@@ -105,9 +105,8 @@ def roll_on(passed_s: float, surface: Surface, room: Room) -> None:
 @kernel
 def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float:
     """Sum what the witnesses say into `room.told`; how many of them are of one mind."""
-    h, M, y, gone, total, stand = room.h, room.told.M, room.told.y, room.gone, 0.0, surface.stand
-    M[:] = 0.0
-    y[:] = 0.0
+    h, gone, total, stand = room.h, room.gone, 0.0, surface.stand
+    clear(room.told)
     for b in range(returns.size):
         one = returns[b]
         if one.witness < 0:
@@ -123,14 +122,10 @@ def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float
             off -= h[k] * gone[k]
         var, wander = cell.var_m2 + FLAT_M * FLAT_M + one.noise_m2, parted_m2(a, s, age_s)
         share = 1.0 - off * off / (GATE * GATE * (var + wander + spread(h, surface.P)))
-        if share <= 0.0:
-            continue
-        w = share * share / (ALIKE_S * var / cells + 2.0 * min(age_s, FAST_S) * wander)
-        total += share * share
-        for i in range(STATES):
-            y[i] += w * h[i] * one.off_m
-            for k in range(STATES):
-                M[i, k] += w * h[i] * h[k]
+        if share > 0.0:
+            alike = ALIKE_S * var / cells + 2.0 * min(age_s, FAST_S) * wander
+            note(room.told, h, one.off_m, share * share / alike)
+            total += share * share
     return total
 
 
@@ -151,11 +146,7 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
         gone[:] = 0.0
         if total < WITNESSES:
             break
-        for i in range(STATES):
-            room.told.y[i] *= passed_s / total
-            for k in range(STATES):
-                room.told.M[i, k] *= passed_s / total
-        join(now, gone, room.told)
+        join(now, gone, room.told, passed_s / total)
     for k in range(STATES):
         surface.own[k] += gone[k]
     for k in range(now.size):

@@ -20,11 +20,14 @@ Source: docs/method.md, section 4.
 import math
 
 from core.grid.places import cell_at, index_of, ones, part_bit, world_cell
+from core.grid.touched import touch
+from core.mapping.body import in_body
+from core.mapping.rays import last_echo_m
 from core.mapping.surface import cells
-from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of, touch
+from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2
-from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, in_body
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams
 from core.records import F64
 from jit import Record, kernel
 
@@ -77,7 +80,7 @@ def stay(cell: Record, move: float) -> None:
 @kernel
 def expect(cell: Record, plane: cells.Plane, x: float, y: float, surface: Surface) -> None:
     """Ground that is not seen yet, at a cell's centre; x, y: a point in it."""
-    own, (ahead, aside) = surface.own, in_body(x, y, surface)
+    own, (ahead, aside) = surface.own, in_body(x, y, surface.stand)
     if cell.var_m2 < math.inf:
         stay(cell, plane.z_m - ground_of(cell, own))
     cell.arm_m, cell.aside_m = ahead + surface.stand.travel_m, aside
@@ -286,16 +289,6 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
 
 
 @kernel
-def _last_m(ranges_m: F64, b: int) -> float:
-    """The last echo of a beam; NaN: none."""
-    last = ranges_m[0, b]
-    for k in range(1, ranges_m.shape[0]):
-        if ranges_m[k, b] > last:
-            last = ranges_m[k, b]
-    return float(last)
-
-
-@kernel
 def softness(ranges_m: F64, b: int) -> float:
     """What the first of a beam's echoes says of what it met: whether that lets beams in.
 
@@ -303,9 +296,9 @@ def softness(ranges_m: F64, b: int) -> float:
     """
     r, alike = ranges_m[0, b], GATE * math.sqrt(1.5) * SIGMA_RANGE_M
     before, after = max(0, b - 1), min(ranges_m.shape[1] - 1, b + 1)
-    if not _last_m(ranges_m, b) - r > THING_M:
-        is_met = before < b and abs(_last_m(ranges_m, before) - r) < alike
-        is_met = is_met or (after > b and abs(_last_m(ranges_m, after) - r) < alike)
+    if not last_echo_m(ranges_m, b) - r > THING_M:
+        is_met = before < b and abs(last_echo_m(ranges_m, before) - r) < alike
+        is_met = is_met or (after > b and abs(last_echo_m(ranges_m, after) - r) < alike)
         return HARD if is_met else STOPPED
     one, other = ranges_m[0, before], ranges_m[0, after]
     are_beside = max(abs(one - r), abs(other - r)) < 2.0 * THING_M

@@ -14,6 +14,7 @@ import numpy as np
 from core.config import Config
 from core.grid.places import parts_of
 from core.grid.ring import RingGrid
+from core.grid.touched import Touched
 from core.grid.window import ObstacleWindow, Shown
 from core.mapping import layers
 from core.mapping.along import REACH_M
@@ -23,7 +24,7 @@ from core.mapping.freshness import Freshness
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, constants, sweep
-from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface, Touched
+from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface
 from core.mapping.surface.constants import ALIKE_S, CLEAR, FLAT_M, GUESS, WITNESSES
 from core.mapping.surface.decision import decide_cells, list_causes
 from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
@@ -111,9 +112,6 @@ class SurfaceMaps:
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
         self._error, self._sway = SweepFilter(), Sway(ALIKE_S)
-        count = self.cells.size
-        slots, at = np.zeros((2, count), np.int32)
-        said, bits, used = np.zeros(count), np.zeros(count, np.int8), np.zeros(1, np.int32)
         self._surface = Surface(
             cells=with_fields(self.cells.reshape(-1)),
             tall=self.grid.layer(np.uint8, 0).reshape(-1),
@@ -124,7 +122,7 @@ class SurfaceMaps:
             stand=AT_START,
             own=self._error.own,
             P=self._error.P,
-            touched=Touched(slots, at, bits, said, used),
+            touched=Touched.none(self.cells.size),
             planes=records(cells.PLANE, cells.PLANES * cells.PLANES),
             now=records(cells.NOW),
         )

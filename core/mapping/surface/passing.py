@@ -6,14 +6,16 @@ Source: docs/method.md, section 4.
 import math
 
 from core.grid.places import cell_at, index_of, part_bit
+from core.grid.touched import touch
 from core.mapping.along import STEP_M, first_place_m, places_along, share_of
+from core.mapping.body import in_body
 from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface import sweep
-from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at, touch
+from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import arms_m2, parted_m2
 from core.mapping.surface.evidence import expect, lower, vote
-from core.mapping.surface.sweep import Beams, in_body, noise_m2, reach, upright_line
+from core.mapping.surface.sweep import Beams, noise_m2, reach, upright_line
 from core.records import F64, I32
 from jit import kernel
 
@@ -70,7 +72,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
         if cell.stands <= 0.0:
             vote(at, PASS_LOW, surface)
         if h < 0.0:
-            (ahead, aside), age_s = in_body(x, y, surface), surface.stand.t_s - cell.floor_s
+            (ahead, aside), age_s = in_body(x, y, surface.stand), surface.stand.t_s - cell.floor_s
             var = noise_m2(r, ray[2], beams.lens_m2) + cell.var_m2
             var += parted_m2(ahead, aside, age_s) + arms_m2(ahead, aside, cell, surface)
             if h * h > GATE * GATE * var:

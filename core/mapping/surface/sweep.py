@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.grid.places import cell_at, from_centre, index_of
+from core.mapping.body import in_body
 from core.mapping.rays import MIN_RANGE_M
 from core.mapping.surface import cells
 from core.mapping.surface.cells import NOWHERE, Plane, Surface, ground_of, plane_of
@@ -63,13 +64,6 @@ def noise_m2(r: float, fall: float, lens_m2: float) -> float:
 
 
 @kernel
-def in_body(x: float, y: float, surface: Surface) -> tuple[float, float]:
-    """How far a point lies ahead and aside of the robot."""
-    dx, dy, (hx, hy) = x - surface.stand.x_m, y - surface.stand.y_m, surface.stand.heading
-    return dx * hx + dy * hy, dy * hx - dx * hy
-
-
-@kernel
 def set_upright(z: float, ahead: float, aside: float, surface: Surface) -> float:
     """A height without the sweep's error, as far as that is known."""
     own = surface.own
@@ -81,7 +75,7 @@ def set_upright(z: float, ahead: float, aside: float, surface: Surface) -> float
 def upright_line(lens: F64, ray: F64, surface: Surface) -> tuple[float, float]:
     """The same along a beam: the height of its lens, and by how much it rises a metre."""
     own, (hx, hy) = surface.own, surface.stand.heading
-    ahead, aside = in_body(lens[0], lens[1], surface)
+    ahead, aside = in_body(lens[0], lens[1], surface.stand)
     goes_ahead, goes_aside = ray[0] * hx + ray[1] * hy, ray[1] * hx - ray[0] * hy
     rise = ray[2] - (own[1] + own[3]) * goes_ahead - (own[2] + own[4]) * goes_aside
     return set_upright(lens[2], ahead, aside, surface), rise
@@ -146,7 +140,7 @@ def hold(beams: Beams, surface: Surface) -> int:
         at = index_of(i, j, ring)
         one.x_m, one.y_m, one.at = x, y, at
         one.noise_m2 = noise_m2(r, ray[2], beams.lens_m2)
-        one.ahead_m, one.aside_m = in_body(x, y, surface)
+        one.ahead_m, one.aside_m = in_body(x, y, surface.stand)
         z = set_upright(lens[2] + r * ray[2], one.ahead_m, one.aside_m, surface)
         one.z_m = z
         if at < 0:
@@ -214,7 +208,7 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
             at = cell_at(x, y, surface.ring)
             cell = surface.cells[max(0, at)]
             if at >= 0 and cell.looks > 0 and cell.stands <= KNOWN:
-                ahead, aside = in_body(x, y, surface)
+                ahead, aside = in_body(x, y, surface.stand)
                 z = set_upright(lens[2] + r * ray[2], ahead, aside, surface)
                 off = cells.height_over(cell, x, y, z, surface)
                 if k == 0 or off < 0.0:  # else it passes over it

@@ -2,7 +2,8 @@
 
 import pytest
 
-from core.mapping.surface.cells import APART, LOOSE, TIED, touch
+from core.grid.touched import touch
+from core.mapping.surface.cells import APART, LOOSE, TIED
 from core.mapping.surface.constants import FRONT
 from core.mapping.surface.evidence import NEWLY_TIED, spread_ties, tie
 from tests.support.ground_cells import GroundCells

@@ -48,7 +48,7 @@ def vote(at: int, say: float, surface: Surface) -> None:
         return
     cell.stands = min(MOST, max(LEAST, before + say))
     touched.said[slot] = cell.stands - before
-    if before > CLEAR >= cell.stands:
+    if before > CLEAR >= cell.stands and cell.top_m > -math.inf:
         cell.low_m, cell.top_m, cell.soft = math.inf, -math.inf, 0.0
 
 
@@ -209,7 +209,7 @@ def _goes_on(at: int, one: Record, ray: F64, surface: Surface) -> bool:
     Not so near the seam of both that a face there has its returns on both sides of it.
     """
     level, doubt = math.hypot(ray[0], ray[1]), GATE * math.sqrt(one.noise_m2)
-    dx, dy, seam = ray[0] / level, ray[1] / level, GATE * SIGMA_RANGE_M
+    dx, dy, seam = ray[0] / level, ray[1] / level, math.sqrt(2.0) * GATE * SIGMA_RANGE_M
     if cell_at(one.x_m - seam * dx, one.y_m - seam * dy, surface.ring) != at:
         return False
     step = surface.ring.cell_m
@@ -278,14 +278,14 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
         is_lower and one.is_face == 0 and _goes_on(at, one, ray, surface)
     ):
         one.kind = BELOW
-        cell.low_m = min(cell.low_m, h)
+        cell.low_m = min(cell.low_m, one.z_m - ground_of(cell, own))
         lower(at, part, z - ground_of(cell, own), surface)
     elif h < most and one.is_face == 0 and z - ground_of(cell, own) <= cell.floor_m + rise:
         _end_on_floor(at, part, one, z, is_step and cell.looks == 0, surface)
     else:
         one.kind = ABOVE
         vote(at, max(0.0, min(HIT, (h - limits.h_pos_m) / sigma)), surface)
-        _stand(at, h, one, surface)
+        _stand(at, z - ground_of(cell, own), one, surface)
 
 
 @kernel

@@ -82,6 +82,7 @@ class Limits(NamedTuple):
     h_neg_m: float
     height_m: float  # of the robot
     soft_m: float  # so high, soft things may be free; 0: never
+    face_m: float  # a face that is seen so high is hardly ever lower than h_pos_m
     guess_m2: float  # variance of ground that is a guess
     noise_m2: float  # of the height of a return from level ground
     far_m: float  # how far ahead level ground is met

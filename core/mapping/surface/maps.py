@@ -25,7 +25,7 @@ from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, constants, sweep
 from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface
-from core.mapping.surface.constants import ALIKE_S, CLEAR, FLAT_M, GUESS, WITNESSES
+from core.mapping.surface.constants import ALIKE_S, CLEAR, FLAT_M, GUESS, RARE, WITNESSES
 from core.mapping.surface.decision import decide_cells, list_causes
 from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
@@ -78,6 +78,14 @@ def take_sweep(
     return count, decide_cells(touched.at[: touched.used[0]], surface, shown, used)
 
 
+def face_of(h_pos_m: float, height_m: float) -> float:
+    """How high a face must be seen, its top not yet, to end below h_pos_m in RARE cases only.
+
+    Heights of things are alike in all scales, up to that of the robot.
+    """
+    return float((h_pos_m / height_m**RARE) ** (1.0 / (1.0 - RARE)))
+
+
 def limits_of(config: Config) -> Limits:
     """What the settings tell, worked out once."""
     scanner, obstacle, mount_z_m = config.scanner, config.obstacle, config.scanner.mount_z_m
@@ -89,6 +97,7 @@ def limits_of(config: Config) -> Limits:
         h_neg_m=obstacle.h_neg_m,
         height_m=config.robot.height_m,
         soft_m=obstacle.soft_free_below_m,
+        face_m=face_of(obstacle.h_pos_m, config.robot.height_m),
         guess_m2=(GUESS * obstacle.h_pos_m) ** 2,
         noise_m2=sweep.noise_m2(away_m, mount_z_m / away_m, FLAT_M**2),
         far_m=far_m,

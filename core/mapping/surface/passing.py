@@ -17,7 +17,7 @@ from core.mapping.surface.error import arms_m2, parted_m2
 from core.mapping.surface.evidence import expect, lower, vote
 from core.mapping.surface.sweep import Beams, noise_m2, reach, upright_line
 from core.records import F64, I32
-from jit import kernel
+from jit import Record, kernel
 
 
 @kernel
@@ -77,12 +77,21 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
             var += parted_m2(ahead, aside, age_s) + arms_m2(ahead, aside, cell, surface)
             if h * h > GATE * GATE * var:
                 lower(at, part_bit(x, y, cell_m, limits.parts), h, surface)
-        if cell.under_m < math.inf and cell.looks == 0:  # where such a beam landed
-            if one.kind == sweep.FLOOR:
-                floor_m = ground_of(surface.cells[one.at], surface.own)
-                cell.floor_m = floor_m - ground_of(cell, surface.own)
-            elif one.height_m <= limits.h_neg_m:
-                cell.floor_m = min(cell.floor_m, one.z_m - ground_of(cell, surface.own))
+        if cell.under_m < math.inf and cell.looks == 0:
+            _see_beyond(cell, one, surface)
+
+
+@kernel
+def _see_beyond(cell: Record, one: Record, surface: Surface) -> None:
+    """Where a beam landed that was under the ground of a cell: on floor, lower, or on a face."""
+    own, end = surface.own, surface.cells[one.at]
+    over_lowest = one.z_m - ground_of(end, own) - end.low_m
+    if one.kind == sweep.FLOOR:
+        cell.floor_m = ground_of(end, own) - ground_of(cell, own)
+    elif one.height_m <= surface.limits.h_neg_m:
+        cell.floor_m = min(cell.floor_m, one.z_m - ground_of(cell, own))
+    elif one.kind == sweep.ABOVE or over_lowest > GATE * math.sqrt(2.0 * one.noise_m2):
+        cell.floor_m = 0.0
 
 
 @kernel

@@ -8,7 +8,8 @@ import pytest
 from core.mapping import causes
 from core.mapping.freshness import SWEEP_S
 from core.mapping.layers import ON_ASKING, UNITS
-from core.mapping.surface.maps import SurfaceMaps
+from core.mapping.surface.constants import RARE
+from core.mapping.surface.maps import SurfaceMaps, face_of
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import COMPILED
 from tests.support.cases import few
@@ -105,6 +106,27 @@ def test_a_ditch_is_free_nowhere_wherever_the_cells_begin(near_m: float, width_m
 def test_a_ditch_bars_every_lane_wherever_the_cells_begin(near_m: float, width_m: float) -> None:
     rig = drive(World(ditch(near_m, width_m)), 0.55 + 2 * width_m + 1.0)
     assert barred_lanes(rig, near_m, near_m + width_m) == set(LANES_M)
+
+
+@pytest.mark.parametrize("near_m", few([9.05, 9.1, 9.15], 1))
+def test_a_ditch_is_told_by_its_far_face_before_its_far_side_is_seen(near_m: float) -> None:
+    """It is met first 8.45 m ahead; 0.6 m of way later its far side is."""
+    seconds = (near_m - 8.45 + 0.4) / 0.5
+    rig = Rig(CONFIG, World(ditch(near_m, 0.6)), Ride(v_mps=0.5), seconds).run()
+    assert barred_lanes(rig, near_m, near_m + 0.6) == set(LANES_M)
+
+
+@pytest.mark.parametrize(("rise_m", "lanes_m"), [(0.12, LANES_M), (0.15, LANES_M), (0.08, ())])
+def test_a_face_is_told_while_its_top_is_not_seen(rise_m: float, lanes_m: tuple[float, ...]) -> None:
+    """Its returns are as high as the bound of 10 cm after 0.76 m of way."""
+    rig = Rig(CONFIG, World(kerb(9.05, rise_m)), Ride(v_mps=0.5), 2.0 * (0.6 + 0.78)).run()
+    assert barred_lanes(rig, 9.05, 9.05) == set(lanes_m)
+
+
+def test_a_face_of_unknown_height_is_lower_than_the_bound_in_few_cases() -> None:
+    face_m, h_pos_m, height_m = face_of(0.10, 1.30), 0.10, 1.30
+    lower = math.log(h_pos_m / face_m) / math.log(height_m / face_m)
+    assert lower == pytest.approx(RARE)
 
 
 @pytest.mark.parametrize("rise_m", [0.15, -0.2])

@@ -117,7 +117,9 @@ def test_a_ditch_is_told_by_its_far_face_before_its_far_side_is_seen(near_m: flo
 
 
 @pytest.mark.parametrize(("rise_m", "lanes_m"), [(0.12, LANES_M), (0.15, LANES_M), (0.08, ())])
-def test_a_face_is_told_while_its_top_is_not_seen(rise_m: float, lanes_m: tuple[float, ...]) -> None:
+def test_a_face_is_told_while_its_top_is_not_seen(
+    rise_m: float, lanes_m: tuple[float, ...]
+) -> None:
     """Its returns are as high as the bound of 10 cm after 0.76 m of way."""
     rig = Rig(CONFIG, World(kerb(9.05, rise_m)), Ride(v_mps=0.5), 2.0 * (0.6 + 0.78)).run()
     assert barred_lanes(rig, 9.05, 9.05) == set(lanes_m)

@@ -291,7 +291,7 @@ def warm_kernels(config: Config) -> None:
         app.mapper.odometry.add_external(ExternalPose(t_s, 0.0, 0.0, 0.0, 1e-4, 0.0, 1e-4, 1e-4))
     app.mapper.settle(0.05)
     app.mapper.odometry.correct_slip((1.0, 0.0), 0.0)
-    app.mapper.attitudes.turn_all(0.0)
+    app.mapper.attitudes.turn_all(app.mapper.attitudes.orientation.pay_all())
     app.mapper.maps.warm()
     for now_s in (0.05, 1.0):
         window_trusted, told = app.report(now_s)

@@ -174,11 +174,7 @@ class OrientationFilter:
 
     def pay_all(self) -> float:
         """Tell the estimated yaw at once; returns the jump (rad)."""
-        owed_rad = float(self.state.value[YAW])
-        self.state.value[YAW] = 0.0
-        w, x, y, z = self.record["q"][0].tolist()
-        self.record["q"][0] = turned(q_of_turn(0.0, 0.0, owed_rad), (w, x, y, z))
-        return owed_rad
+        return _pay_all(self.record, self.state.value)
 
 
 @kernel
@@ -187,6 +183,14 @@ def _note_wheels(
 ) -> None:
     of = all_of[0]
     turn_told(of, 0.0, 0.0, wheels_creep(of.rest, from_s, to_s, turn_rad, round_rad, moved))
+
+
+@kernel
+def _pay_all(all_of: Records, value: F64) -> float:
+    owed_rad = float(value[YAW])
+    value[YAW] = 0.0
+    turn_told(all_of[0], 0.0, 0.0, owed_rad)
+    return owed_rad
 
 
 # From sample to sample

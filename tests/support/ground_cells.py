@@ -85,7 +85,7 @@ class GroundCells:
 
     def plane(self, i: int, j: int, x_m: float, y_m: float) -> Plane:
         """The ground at a world cell by that around it, for a robot that stands there."""
-        self.surface.now["sweep"] += 1  # what was worked out before holds no more
+        self.surface.now["held"] += 1  # what was worked out before holds no more
         return plane_at(i, j, self.surface._replace(stand=standing(x_m, y_m)))
 
 

@@ -65,24 +65,26 @@ def view_of(name: str, app: App) -> MapView:
     return MapView(name, grid.corner_i, grid.corner_j, grid.cell_m, states, heights_m, place)
 
 
-def heights_over_plane_m(maps: SurfaceMaps) -> F64:
-    """Over the plane on which the robot stands: what is always wrong with the attitude tilts both.
+def heights_over_ground_m(maps: SurfaceMaps) -> F64:
+    """Over the plane that fits the ground best: what is wrong with an attitude tilts all of it.
 
     (size, size), [j, i] from the world cell (corner_i, corner_j) on.
     """
-    grid, stand = maps.grid, maps.stand
-    middles_m = (np.arange(grid.size) + 0.5) * grid.cell_m
-    dx_m = grid.corner_i * grid.cell_m + middles_m - stand.x_m
-    dy_m = grid.corner_j * grid.cell_m + middles_m - stand.y_m
-    plane_m = stand.z_m + stand.slopes[0] * dx_m[None, :] + stand.slopes[1] * dy_m[:, None]
-    return np.asarray(straightened(grid, maps.heights_m()) - plane_m)
+    heights_m = straightened(maps.grid, maps.heights_m())
+    is_ground = straightened(maps.grid, (maps.cells["looks"] > 0) & (maps.cells["stands"] <= 0.0))
+    rows, columns = np.indices(heights_m.shape)
+    at = np.stack([columns, rows, np.ones_like(rows)], axis=-1).astype(float)
+    if is_ground.sum() < 3:
+        return heights_m
+    plane, *_ = np.linalg.lstsq(at[is_ground], heights_m[is_ground], rcond=None)
+    return np.asarray(heights_m - at @ plane)
 
 
 def _heights_m(maps: Maps) -> F64:
     if isinstance(maps, ReferencePlaneMaps):
         return straightened(maps.window.grid, maps.heights_m())
     if isinstance(maps, SurfaceMaps):
-        grid, straight = maps.grid, heights_over_plane_m(maps)
+        grid, straight = maps.grid, heights_over_ground_m(maps)
     else:
         assert isinstance(maps, BeamMaps)
         grid = maps.elevation.grid

@@ -65,14 +65,14 @@ PART_BITS, ALL_PARTS = 16, 0xFFFF  # of floor, below those of beams under it; `o
 PLANES = 32  # blocks of cells along an edge, whose planes are kept for the rest of a scan
 PLANE = np.dtype(
     [
-        *fields(np.int64, "block_i block_j scan"),  # whose, and when it was worked out
+        *fields(np.int64, "block_i block_j held"),  # whose, and when it was worked out
         *fields(np.int64, "i j"),  # about which cell of it
         *fields(np.float64, "z_m slope_x slope_y var_m2 seen_s"),  # as in `Plane`
         *fields(np.int64, "tied is_before"),
     ]
 )
-# counts sweeps; height on which the robot stands
-NOW = np.dtype([("sweep", np.int64), ("wheels_m", np.float64)])
+# scans, and echoes of all, held against the ground; height on which the robot stands
+NOW = np.dtype([("scan", np.int64), ("held", np.int64), ("wheels_m", np.float64)])
 
 
 class Limits(NamedTuple):
@@ -157,11 +157,11 @@ def plane_at(i: int, j: int, surface: Surface) -> Plane:
 
     It is worked out once a scan for all cells of a block: about the one that is asked for first.
     """
-    block, scan, cell_m = surface.limits.block, surface.now[0].sweep, surface.ring.cell_m
+    block, held, cell_m = surface.limits.block, surface.now[0].held, surface.ring.cell_m
     block_i, block_j = (i // block, j // block) if block > 1 else (i, j)
     one = surface.planes[block_j % PLANES * PLANES + block_i % PLANES]
-    if one.scan != scan or one.block_i != block_i or one.block_j != block_j:
-        one.scan, one.block_i, one.block_j = scan, block_i, block_j
+    if one.held != held or one.block_i != block_i or one.block_j != block_j:
+        one.held, one.block_i, one.block_j = held, block_i, block_j
         _fit(one, i, j, surface)
     z = one.z_m + one.slope_x * ((i - one.i) * cell_m) + one.slope_y * ((j - one.j) * cell_m)
     is_before = one.is_before > 0

@@ -61,6 +61,7 @@ def take_sweep(
     """
     touched = surface.touched
     touched.used[0] = 0
+    surface.now[0].scan += 1
     roll_on(rolled_s, surface, room)
     count = hold(first, surface)
     find_faces(first.returns)
@@ -198,11 +199,6 @@ class SurfaceMaps:
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
         return layers.heights_of(self.cells, self.static_rad)
-
-    @property
-    def stand(self) -> BodyPose:
-        """Where the robot stood at the newest sweep, and on which plane: z of the map's heights."""
-        return self._surface.stand._replace(z_m=float(self._surface.now["wheels_m"][0]))
 
     def _maybe_ring(self, name: str) -> layers.RingLayer | None:
         cells, static_rad = self.cells, self.static_rad

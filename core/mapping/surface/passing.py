@@ -47,7 +47,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
         step, last, r = 0.25 * step, -1, end
     else:
         step, last = max(step, STEP_M), one.at
-        r = end + (1.0 - share_of(b, surface.now[0].sweep)) * step
+        r = end + (1.0 - share_of(b, surface.now[0].scan)) * step
     lens_z, rise = upright_line(lens, ray, surface)
     while r - step > MIN_RANGE_M and end - r < GAP_M:
         r -= step
@@ -99,7 +99,7 @@ def _pass_through(b: int, beams: Beams, surface: Surface, places: I32) -> None:
     """Along a beam: where something stood at its height, and does not stop it, it may be gone."""
     lens, ray, end, ring = beams.lenses[b], beams.rays[b], beams.ranges_m[0, b], surface.ring
     window = (ring.corner_i, ring.corner_j, ring.size, ring.cell_m)
-    tall, seen_s, first_m = surface.tall, surface.seen_s, first_place_m(b, surface.now[0].sweep)
+    tall, seen_s, first_m = surface.tall, surface.seen_s, first_place_m(b, surface.now[0].scan)
     # on its way up, what comes in would stop the beam as little
     oldest_s = surface.oldest_s if ray[2] < 0.0 else math.inf
     lens_z, rise = upright_line(lens, ray, surface)
@@ -157,5 +157,5 @@ def follow_beams(beams: Beams, surface: Surface, places: I32) -> None:
             continue
         if beams.returns[b].kind not in (sweep.HIGH, sweep.NONE):
             _pass_low(b, beams, surface)
-        if (b + surface.now[0].sweep) % 2 == 0:  # the others in the next scan
+        if (b + surface.now[0].scan) % 2 == 0:  # the others in the next scan
             _pass_through(b, beams, surface, places)

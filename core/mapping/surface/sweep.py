@@ -127,7 +127,7 @@ def _between(near: Plane, far: Plane) -> Plane:
 def hold(beams: Beams, surface: Surface) -> int:
     """Each first return against the ground where it lies, into its RETURN; how many there are."""
     last, count, plane, near, ring = -2, 0, NOWHERE, NOWHERE, surface.ring
-    surface.now[0].sweep += 1
+    surface.now[0].held += 1
     for b in range(beams.returns.size):
         one, r = beams.returns[b], beams.ranges_m[0, b]
         one.at, one.kind = -1, NONE

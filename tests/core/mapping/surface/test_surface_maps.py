@@ -15,7 +15,7 @@ from jit import COMPILED
 from tests.support.cases import few
 from tests.support.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
 from tests.support.flat_world import Box, Profile, World, ditch, kerb
-from tools.experiments.views import heights_over_plane_m
+from tools.experiments.views import heights_over_ground_m
 
 LANES_M = (-0.3, -0.1, 0.1, 0.3)  # the cells that the robot's width of 0.6 m covers
 SLACK_M = 0.15  # half the diagonal of a cell
@@ -151,7 +151,7 @@ def test_heights_over_the_plane_of_the_robot_do_not_tilt_with_its_attitude() -> 
     ride = Ride(v_mps=1.0, bias_rad=(0.0, math.radians(0.5)))
     maps = maps_of(Rig(CONFIG, World(), ride, 6.0).run())
     assert np.nanmax(np.abs(maps.heights_m())) > 0.05
-    assert np.nanmax(np.abs(heights_over_plane_m(maps))) < 0.03
+    assert np.nanmax(np.abs(heights_over_ground_m(maps))) < 0.03
 
 
 @pytest.mark.skipif(not COMPILED, reason="a ride through kernels as Python takes minutes")

@@ -40,6 +40,7 @@ def _fan(first_rad: float, step_rad: float, directions: F64) -> None:
     for i in range(directions.shape[0]):
         bearing = first_rad + i * step_rad
         directions[i, 0], directions[i, 1] = math.cos(bearing), math.sin(bearing)
+        directions[i, 2] = 0.0
 
 
 @kernel
@@ -50,13 +51,12 @@ def _times(t_s: float, step_s: float, times_s: F64) -> None:
 
 
 @kernel
-def _placed(t: Vector, R: F64, v: F64) -> Vector:
-    """t and R (3, 3) times v (3,)."""
-    return (
-        t[0] + R[0, 0] * v[0] + R[0, 1] * v[1] + R[0, 2] * v[2],
-        t[1] + R[1, 0] * v[0] + R[1, 1] * v[1] + R[1, 2] * v[2],
-        t[2] + R[2, 0] * v[0] + R[2, 1] * v[1] + R[2, 2] * v[2],
-    )
+def _place(t: Vector, R: F64, given: F64, out: F64) -> None:
+    """Fills `out` (n, 3) with t and R (3, 3) times each row given; both may be one array."""
+    for i in range(given.shape[0]):
+        x, y, z = given[i]
+        for k in range(3):
+            out[i, k] = t[k] + R[k, 0] * x + R[k, 1] * y + R[k, 2] * z
 
 
 @kernel
@@ -67,8 +67,6 @@ def _cast(
     start: int,
     count: int,
     yaw_start_rad: float,
-    R_body_sensor: F64,
-    t_body_sensor: Vector,
     first: F64,
     last: F64,
     q: F64,
@@ -77,7 +75,7 @@ def _cast(
 ) -> None:
     """Fills `from_map` and `rays` (n, 3), map frame.
 
-    `fan` is origins and directions (n, 3) in the sensor's frame, and times (n,); `first` and `last`
+    `fan` is origins and directions (n, 3) in the body's frame, and times (n,); `first` and `last`
     (3,) are where the body was at the first and at the last beam; in `q` (4,) it turns.
     """
     origins, directions, times_s = fan
@@ -93,8 +91,8 @@ def _cast(
             a, b = a - 1 if a > 0 else kept - 1, a
         q_between(attitude_t_s, q_earth_body, a, b, at_s, q)
         share = i / (n - 1) if n > 1 else 0.0
-        ray = _turned(q, cy, sy, _placed(NO_ARM, R_body_sensor, directions[i]))
-        arm = _turned(q, cy, sy, _placed(t_body_sensor, R_body_sensor, origins[i]))
+        ray = _turned(q, cy, sy, (directions[i, 0], directions[i, 1], directions[i, 2]))
+        arm = _turned(q, cy, sy, (origins[i, 0], origins[i, 1], origins[i, 2]))
         for k in range(3):
             from_map[i, k] = (1 - share) * first[k] + share * last[k] + arm[k]
             rays[i, k] = ray[k]
@@ -184,41 +182,45 @@ class BeamGeometry:
         self._times_s, self._q = np.zeros(max_beams), np.zeros(4)
         self._from_map, self._rays = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
 
-    def points(self, scan: Scan) -> PointSweep:
-        """A scan as a sweep of rays; valid until the next one is asked for."""
+    def _on_body(self, scan: Scan | PointSweep) -> tuple[F64, F64, F64]:
+        """Origins and directions (n, 3) in the body's frame, and times (n,); until the next one."""
         n = scan.ranges_m.shape[1]
-        directions, times_s = self._directions[:n], self._times_s[:n]
+        origins, directions, times_s = self._origins[:n], self._directions[:n], self._times_s[:n]
+        if isinstance(scan, PointSweep):
+            self._fan = (0, 0.0, 0.0)
+            _place(
+                self._t_body_sensor,
+                self._R_body_sensor,
+                np.ascontiguousarray(scan.origins),
+                origins,
+            )
+            _place(NO_ARM, self._R_body_sensor, np.ascontiguousarray(scan.directions), directions)
+            times_s[:] = scan.times_s
+            return origins, directions, times_s
         if self._fan != (n, scan.first_rad, scan.step_rad):
             self._fan = (n, scan.first_rad, scan.step_rad)
+            origins[:] = self._t_body_sensor
             _fan(scan.first_rad, scan.step_rad, directions)
+            _place(NO_ARM, self._R_body_sensor, directions, directions)
         _times(scan.t_s, scan.beam_dt_s, times_s)
-        return PointSweep(
-            self._origins[:n], directions, scan.ranges_m, times_s, scan.counter, scan.arrived_s
-        )
+        return origins, directions, times_s
 
     def cast(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> Sweep:
         """The rays of a checked sweep; attitude and odometry cover it from first beam to last."""
         first_s, last_s = span_s(scan)
-        sweep = self.points(scan) if isinstance(scan, Scan) else scan
-        n = sweep.times_s.size
+        fan, n = self._on_body(scan), scan.ranges_m.shape[1]
         from_map, rays = self._from_map[:n], self._rays[:n]
         _cast(
-            (
-                np.ascontiguousarray(sweep.origins),
-                np.ascontiguousarray(sweep.directions),
-                np.ascontiguousarray(sweep.times_s),
-            ),
+            fan,
             attitudes.t_s,
             attitudes.q_earth_body,
             attitudes.start,
             attitudes.count_ahead,
             odometry.yaw_start_rad,
-            self._R_body_sensor,
-            self._t_body_sensor,
             odometry.xyz_at(first_s),
             odometry.xyz_at(last_s),
             self._q,
             from_map,
             rays,
         )
-        return Sweep(last_s, from_map, rays, sweep.ranges_m)
+        return Sweep(last_s, from_map, rays, scan.ranges_m)

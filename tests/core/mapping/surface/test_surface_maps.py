@@ -168,6 +168,15 @@ def test_an_attitude_sensor_that_sits_askew_bends_no_floor_as_the_robot_turns(
     assert float(np.std(z_m[seen])) < 0.02
 
 
+@pytest.mark.parametrize("echo", few(["first", "both"], 2))
+def test_second_echoes_are_no_scans_of_their_own(echo: str) -> None:
+    """By the count of scans, each beam is followed all along in every other scan."""
+    config = config_of(map={"method": "surface"}, scanner={"echo": echo})
+    rig = Rig(config, World(), Ride(), 0.5)
+    for scans, _ in enumerate(rig.drive(), 1):
+        assert maps_of(rig)._surface.now["scan"][0] == scans
+
+
 def test_erasing_forgets_everything() -> None:
     rig = drive(World(ditch(9.05, 0.6)), 2.0)
     maps = maps_of(rig)

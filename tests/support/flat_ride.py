@@ -54,11 +54,13 @@ class Ride:
 
     v_mps: float = 0.0
     w_radps: float = 0.0
-    stop_s: float = math.inf  # when it stands again
+    start_s: float = 0.0  # until then it stands,
+    stop_s: float = math.inf  # and from then on again
     pitching_rad: float = 0.0  # amplitude
     pitching_hz: float = 1.0
     noise_rad: float = math.radians(0.05)  # of the attitude sensor
     bias_rad: tuple[float, float] = (0.0, 0.0)  # roll, pitch: measured minus true
+    gyro_bias_radps: tuple[float, float, float] = (0.0, 0.0, 0.0)
     slip: float = 0.0  # share of the travel that the wheels count too much
 
 
@@ -68,7 +70,7 @@ class Path3:
     def __init__(self, ride: Ride, ground: Profile, seconds: float) -> None:
         self._ride = ride
         self._t_s = np.arange(0.0, seconds + 1.0, STEP_S)
-        moves = self._t_s < ride.stop_s
+        moves = (self._t_s >= ride.start_s) & (self._t_s < ride.stop_s)
         self._travel_m = np.cumsum(np.where(moves, ride.v_mps * STEP_S, 0.0))
         self._yaw_rad = np.cumsum(np.where(moves, ride.w_radps * STEP_S, 0.0))
         places, leaning = np.zeros((len(moves), 2)), np.zeros((len(moves), 2))
@@ -183,6 +185,7 @@ class Rig:
         now, soon = self.path.rpy(t_s), self.path.rpy(t_s + 0.001)
         turn = np.einsum("nji,njk->nik", R_of(now), R_of(soon)) / 0.001
         rates = np.column_stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]])
+        rates += self.ride.gyro_bias_radps
         kept = math.exp(-ATTITUDE_S / SHAKE_S)
         error_rad = random.normal(0.0, math.sqrt(1 - kept**2) * self.ride.noise_rad, now.shape)
         for k in range(1, len(t_s)):

@@ -84,6 +84,9 @@ class Limits(NamedTuple):
     soft_m: float  # so high, soft things may be free; 0: never
     face_m: float  # a face that is seen so high is hardly ever lower than h_pos_m
     guess_m2: float  # variance of ground that is a guess
+    sure_m2: float  # ground less sure is set by what most returns agree on
+    wheels_m2: float  # most variance of the plane on which the robot stands
+    floor_says: float  # vote of floor where nothing stands
     noise_m2: float  # of the height of a return from level ground
     far_m: float  # how far ahead level ground is met
     rises: float  # ground that rises more towards the robot is none

@@ -198,8 +198,10 @@ def _end_on_floor(
                 touch(near, surface.touched)
     if cell.under_m < math.inf and cell.parts >> cells.PART_BITS & ~cell.parts == 0:
         cell.parts, cell.under_m = cell.parts & cells.ALL_PARTS, math.inf
-    rests = cell.low_m < limits.h_pos_m
-    vote(at, PASS_THROUGH if cell.stands > 0.0 and rests else 0.0, surface)
+    if cell.stands <= 0.0:
+        vote(at, limits.floor_says, surface)
+    else:
+        vote(at, PASS_THROUGH if cell.low_m < limits.h_pos_m else 0.0, surface)
 
 
 @kernel

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from core.config import Config
-from core.grid.places import parts_of
+from core.grid.places import PART_M, parts_of
 from core.grid.ring import RingGrid
 from core.grid.touched import Touched
 from core.grid.window import ObstacleWindow, Shown
@@ -25,7 +25,17 @@ from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, constants, sweep
 from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface
-from core.mapping.surface.constants import ALIKE_S, CLEAR, FLAT_M, GUESS, RARE, WITNESSES
+from core.mapping.surface.constants import (
+    ALIKE_S,
+    CLEAR,
+    FLAT_M,
+    GATE,
+    GUESS,
+    PASS_LOW,
+    RARE,
+    THING_M,
+    WITNESSES,
+)  # fmt: skip
 from core.mapping.surface.decision import decide_cells, list_causes
 from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
@@ -33,7 +43,7 @@ from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_witnesses, hold
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
-from core.records import F64, I32, I64, U8, PointSweep, Scan
+from core.records import F64, I32, I64, U8, UNKNOWN, PointSweep, Scan
 from jit import kernel, records, with_fields
 
 AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
@@ -100,6 +110,9 @@ def limits_of(config: Config) -> Limits:
         soft_m=obstacle.soft_free_below_m,
         face_m=face_of(obstacle.h_pos_m, config.robot.height_m),
         guess_m2=(GUESS * obstacle.h_pos_m) ** 2,
+        sure_m2=(GUESS * obstacle.h_pos_m) ** 2,
+        wheels_m2=math.inf,
+        floor_says=0.0,
         noise_m2=sweep.noise_m2(away_m, mount_z_m / away_m, FLAT_M**2),
         far_m=far_m,
         rises=0.5 * mount_z_m / far_m,
@@ -107,6 +120,15 @@ def limits_of(config: Config) -> Limits:
         row=min(parts, parts * parts - 1),
         block=max(1, round(constants.REACH_M / config.map.cell_m)),
     )
+
+
+def as_it_stands(limits: Limits) -> Limits:
+    """The same for a robot that has not moved yet: floor is the plane on which it stands.
+
+    It sees one line of floor, and never what is before or behind that: what it sees is enough.
+    """
+    floor_m2 = (limits.h_pos_m / GATE) ** 2
+    return limits._replace(sure_m2=0.5 * floor_m2, wheels_m2=floor_m2, floor_says=PASS_LOW, row=0)
 
 
 class SurfaceMaps:
@@ -122,13 +144,16 @@ class SurfaceMaps:
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
         self._error, self._sway = SweepFilter(), Sway(ALIKE_S)
+        self._limits = limits_of(config)
+        self._stood: BodyPose | None = None  # where its map began, until it moves
+        self._moved = False
         self._surface = Surface(
             cells=with_fields(self.cells.reshape(-1)),
             tall=self.grid.layer(np.uint8, 0).reshape(-1),
             seen_s=self.fresh.seen_s,
             oldest_s=-math.inf,
             ring=self.grid.ring,
-            limits=limits_of(config),
+            limits=self._limits,
             stand=AT_START,
             own=self._error.own,
             P=self._error.P,
@@ -155,6 +180,7 @@ class SurfaceMaps:
         """Take a sweep that attitude and odometry cover; how many returns it had."""
         rays = self._geometry.cast(scan, attitudes, odometry)
         body = body_pose_at(rays.t_s, attitudes, odometry)
+        self._move(body)
         passed_s, driven_m = self._error.follow(
             rays.t_s, body.travel_m, attitudes.orientation.doubted
         )
@@ -182,6 +208,21 @@ class SurfaceMaps:
         self._faces.set_right(rays, first.returns["height_m"], body, odometry, is_sure=True)
         self.fresh.expire(window)
         return count
+
+    def _move(self, body: BodyPose) -> None:
+        """What a robot saw that had not moved yet is a first guess; the map begins as it moves."""
+        if self._moved:
+            return
+        if self._stood is None:
+            self._stood = body
+        (hx, hy), (gx, gy) = body.heading, self._stood.heading
+        driven_m = abs(body.travel_m - self._stood.travel_m)
+        turned_m = math.hypot(hx - gx, hy - gy) * self._limits.far_m
+        if driven_m > PART_M or turned_m > THING_M:
+            self._forget()
+            self._moved = True
+        limits = self._limits if self._moved else as_it_stands(self._limits)
+        self._surface = self._surface._replace(limits=limits)
 
     def _stand(self, body: BodyPose) -> Surface:
         """The robot stands there, at this instant."""
@@ -233,15 +274,22 @@ class SurfaceMaps:
         self._surface.cells[at] = records
         self._surface.tall[at] = (records["stands"] > CLEAR) & np.isfinite(records["top_m"])
         self._error.own[3:] = static_rad
-        self._anchored = True
+        self._anchored = self._moved = True
 
-    def erase(self) -> None:
-        """Forget everything."""
+    def _forget(self) -> None:
+        """Nothing is known of the ground; what was told is unknown by now."""
+        told = np.flatnonzero(self.window.cells).astype(np.int32)
+        self.window.put(told, np.full(told.size, UNKNOWN, dtype=np.int8))
         self.grid.erase()
-        self.window.erase()
         self._error.restart()
         self._faces.erase()
         self._anchored = False
+
+    def erase(self) -> None:
+        """Forget everything."""
+        self._forget()
+        self.window.erase()
+        self._stood, self._moved = None, False
 
     def is_low(self, i: int, j: int) -> bool:
         """Whether an obstacle cell is one by missing ground, not by something that stands."""

@@ -107,7 +107,7 @@ def reach(x: float, y: float, r: float, ray: F64, surface: Surface) -> Plane:
     if plane.var_m2 < math.inf:
         return plane
     dx, dy, (a, b) = x - stand.x_m, y - stand.y_m, stand.slopes
-    var = (0.5 * STEEP) ** 2 * (dx * dx + dy * dy)
+    var = min(surface.limits.wheels_m2, (0.5 * STEEP) ** 2 * (dx * dx + dy * dy))
     z = surface.now[0].wheels_m + a * dx + b * dy
     return Plane(z, a, b, var, stand.t_s, cells.TIED, False)
 
@@ -230,7 +230,7 @@ def agree(returns: Records, tied: int, limits: cells.Limits, bins: F64) -> None:
     bins[:] = 0.0
     for b in range(returns.size):
         one = returns[b]
-        if one.at >= 0 and one.var_m2 <= limits.guess_m2:
+        if one.at >= 0 and one.var_m2 <= limits.sure_m2:
             sure += 1
         elif one.at >= 0:
             guessed += 1
@@ -248,7 +248,7 @@ def agree(returns: Records, tied: int, limits: cells.Limits, bins: F64) -> None:
     offset = (best + 0.5 * WIDE - BINS // 2) * edge
     for b in range(returns.size):
         one = returns[b]
-        if one.at >= 0 and one.var_m2 > limits.guess_m2:
+        if one.at >= 0 and one.var_m2 > limits.sure_m2:
             one.height_m -= offset
             one.near_m -= offset
             one.var_m2 = one.near_var_m2 = (0.25 * WIDE * edge) ** 2

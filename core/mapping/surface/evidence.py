@@ -22,12 +22,12 @@ import math
 from core.grid.places import cell_at, index_of, ones, part_bit, world_cell
 from core.grid.touched import touch
 from core.mapping.body import in_body
-from core.mapping.rays import MIN_RANGE_M, last_echo_m
+from core.mapping.rays import last_echo_m
 from core.mapping.surface import cells
 from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2
-from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, reach
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams
 from core.records import F64
 from jit import Record, kernel
 
@@ -293,20 +293,6 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
 
 
 @kernel
-def _end_outside(one: Record, r: float, ray: F64, surface: Surface) -> None:
-    """A return outside of the map, r away: lower than ground reaches there, it tells of a drop."""
-    limits, stand = surface.limits, surface.stand
-    if one.z_m - surface.now[0].wheels_m > limits.h_neg_m:
-        return
-    plane = reach(one.x_m, one.y_m, r, ray, surface)
-    one.height_m, one.var_m2 = one.z_m - plane.z_m, plane.var_m2
-    one.wander_m2 = parted_m2(one.ahead_m, one.aside_m, stand.t_s - plane.seen_s)
-    sigma = math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
-    if one.height_m <= min(limits.h_neg_m, -GATE * sigma):
-        one.kind = BELOW
-
-
-@kernel
 def softness(ranges_m: F64, b: int) -> float:
     """What the first of a beam's echoes says of what it met: whether that lets beams in.
 
@@ -330,8 +316,6 @@ def end_beams(beams: Beams, surface: Surface) -> None:
     for b in range(beams.returns.size):
         one = beams.returns[b]
         if one.at < 0:
-            if beams.ranges_m[0, b] >= MIN_RANGE_M:
-                _end_outside(one, beams.ranges_m[0, b], beams.rays[b], surface)
             continue
         if one.height_m > surface.limits.height_m:
             one.kind = HIGH

@@ -84,7 +84,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
 @kernel
 def _see_beyond(cell: Record, one: Record, surface: Surface) -> None:
     """Where a beam landed that was under the ground of a cell: on floor, lower, or on a face."""
-    own, end = surface.own, surface.cells[max(0, one.at)]
+    own, end = surface.own, surface.cells[one.at]
     over_lowest = one.z_m - ground_of(end, own) - end.low_m
     if one.kind == sweep.FLOOR:
         cell.floor_m = ground_of(end, own) - ground_of(cell, own)

@@ -93,9 +93,7 @@ def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surf
             kept = 1.0 / (1.0 + away / CARRY_M)
             dx, dy = x - bx + from_centre(bx, cell_m), y - by + from_centre(by, cell_m)
             var = cells.grown(cell.var_m2, math.sqrt(dx * dx + dy * dy))
-            rise = cell.slope_x * dx + cell.slope_y * dy
-            z = ground_of(cell, surface.own) + kept * rise
-            var += ((1.0 - kept) * rise) ** 2  # it may go on as it was
+            z = ground_of(cell, surface.own) + kept * cell.slope_x * dx + kept * cell.slope_y * dy
             is_before = side < 0.0
             return plane_of(z, cell.slope_x, cell.slope_y, var, cell.floor_s, cell.tied, is_before)
         away += THING_M

@@ -14,7 +14,7 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import COMPILED
 from tests.support.cases import few
 from tests.support.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
-from tests.support.flat_world import Box, Profile, World, ditch, kerb, ramp
+from tests.support.flat_world import Box, Profile, World, ditch, kerb
 from tools.experiments.views import heights_over_ground_m
 
 LANES_M = (-0.3, -0.1, 0.1, 0.3)  # the cells that the robot's width of 0.6 m covers
@@ -159,19 +159,6 @@ def test_ground_beyond_a_step_is_not_free(rise_m: float) -> None:
     assert barred_lanes(rig, 9.05, 9.05 + 0.4) == set(LANES_M)
     assert FREE not in way(rig, 9.5, 11.5)
     assert set(way(rig, 8.7, 8.8)) == {FREE}  # the map begins as the robot moves
-
-
-def test_a_drop_whose_floor_lies_outside_of_the_map_bars_the_way() -> None:
-    """From 9.27 m on it is 0.6 m deep: beams end 4.6 m behind its edge."""
-    rig = drive(World(kerb(9.27, -0.6)), 2.0)
-    assert barred_lanes(rig, 9.27, 9.27 + 0.4) == set(LANES_M)
-    assert FREE not in way(rig, 9.5, 11.5)
-
-
-def test_ground_far_beyond_the_last_that_was_seen_may_go_on_falling_as_that_did() -> None:
-    """From the top of a ramp of 12 m, most of it lies outside of the map."""
-    rig = drive(World(ramp(9.0, math.radians(-4.0), 12.0)), 13.0)
-    assert len(places_where(rig, OBSTACLE)) == 0
 
 
 def test_a_gentle_ramp_is_ground() -> None:

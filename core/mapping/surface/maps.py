@@ -35,7 +35,7 @@ from core.mapping.surface.constants import (
     RARE,
     THING_M,
     WITNESSES,
-)  # fmt: skip
+)
 from core.mapping.surface.decision import decide_cells, list_causes
 from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
@@ -127,7 +127,7 @@ def as_it_stands(limits: Limits) -> Limits:
 
     It sees one line of floor, and never what is before or behind that: what it sees is enough.
     """
-    floor_m2 = (limits.h_pos_m / GATE) ** 2
+    floor_m2 = (limits.h_pos_m / GATE) ** 2  # sure_m2 is less: what lies on it is set by agreement
     return limits._replace(sure_m2=0.5 * floor_m2, wheels_m2=floor_m2, floor_says=PASS_LOW, row=0)
 
 
@@ -215,14 +215,16 @@ class SurfaceMaps:
             return
         if self._stood is None:
             self._stood = body
+            self._surface = self._surface._replace(limits=as_it_stands(self._limits))
         (hx, hy), (gx, gy) = body.heading, self._stood.heading
         driven_m = abs(body.travel_m - self._stood.travel_m)
         turned_m = math.hypot(hx - gx, hy - gy) * self._limits.far_m
         if driven_m > PART_M or turned_m > THING_M:
+            told = np.flatnonzero(self.window.cells).astype(np.int32)
+            self.window.put(told, np.full(told.size, UNKNOWN, dtype=np.int8))
             self._forget()
             self._moved = True
-        limits = self._limits if self._moved else as_it_stands(self._limits)
-        self._surface = self._surface._replace(limits=limits)
+            self._surface = self._surface._replace(limits=self._limits)
 
     def _stand(self, body: BodyPose) -> Surface:
         """The robot stands there, at this instant."""
@@ -277,9 +279,7 @@ class SurfaceMaps:
         self._anchored = self._moved = True
 
     def _forget(self) -> None:
-        """Nothing is known of the ground; what was told is unknown by now."""
-        told = np.flatnonzero(self.window.cells).astype(np.int32)
-        self.window.put(told, np.full(told.size, UNKNOWN, dtype=np.int8))
+        """Nothing is known of the ground, or of the sweep's error."""
         self.grid.erase()
         self._error.restart()
         self._faces.erase()
@@ -290,6 +290,7 @@ class SurfaceMaps:
         self._forget()
         self.window.erase()
         self._stood, self._moved = None, False
+        self._surface = self._surface._replace(limits=self._limits)
 
     def is_low(self, i: int, j: int) -> bool:
         """Whether an obstacle cell is one by missing ground, not by something that stands."""

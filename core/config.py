@@ -109,10 +109,9 @@ class Drive(Struct, frozen=True):
 class Map(Struct, frozen=True, forbid_unknown_fields=True):
     """The elevation map."""
 
-    method: Literal["beams", "surface", "reference_plane"]
+    method: Literal["surface", "reference_plane"]
     cells: Annotated[int, Meta(ge=3, le=2001)]
     cell_m: Annotated[float, Meta(ge=0.01, le=1)]
-    cell_value: Literal["mean", "kalman"]
 
 
 class Obstacle(Struct, frozen=True, forbid_unknown_fields=True):
@@ -203,7 +202,25 @@ def config_from_text(text: str, drivers: Drivers) -> Config:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"not valid TOML: {error}") from None
+    _bring_up_to_date(table)
     return _config_from(table, drivers)
+
+
+def _bring_up_to_date(table: dict[str, Any]) -> list[str]:
+    """Settings of earlier versions, also in recordings, as they are now; what was changed."""
+    keys, changed = table.get("map"), []
+    if isinstance(keys, dict):
+        if keys.get("method") == "beams":
+            keys["method"] = "surface"
+            changed.append('map.method: "beams" is gone, "surface" takes its place')
+        if keys.pop("cell_value", None) is not None:
+            changed.append("map.cell_value: is gone, every cell is filtered")
+    return changed
+
+
+def outdated_in(text: str) -> list[str]:
+    """What a TOML text that has been read has of earlier versions, one line each."""
+    return _bring_up_to_date(tomllib.loads(text))
 
 
 def config_with(config: Config, drivers: Drivers, changes: Mapping[str, Keys]) -> Config:
@@ -365,9 +382,9 @@ def _check_together(config: Config) -> None:
             f"for beams echo twice in soft things; is {config.obstacle.soft_free_below_m}, and "
             f"{config.scanner.driver!r} as set tells one"
         )
-    if config.map.method != "beams" and not spec.is_plane:
+    if config.map.method == "reference_plane" and not spec.is_plane:
         raise ConfigError(
-            f'map.method: "{config.map.method}" needs a scanner of one plane, which '
+            'map.method: "reference_plane" needs a scanner of one plane, which '
             f"{config.scanner.driver!r} is not"
         )
     if config.record.path and not config.record.path.endswith(("/", ".mcap")):

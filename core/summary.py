@@ -7,7 +7,7 @@ import numpy as np
 from core.config import Config
 from core.driving.control import link_refusal
 from core.geometry import R_from_rpy
-from core.mapping.beams.cells import CELL
+from core.mapping.surface.cells import CELL
 
 BYTES_PER_CELL = CELL.itemsize + 18  # its record; slope, step, roughness, marks
 BYTES_PER_WINDOW_CELL = 1 + 1 + 8 + 4  # obstacle map, its change list, what the link keeps

@@ -13,16 +13,14 @@ import numpy.typing as npt
 
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
-from core.mapping.beams.cells import CellGrid, Cells
-from core.mapping.beams.classifier import is_soft
 from core.mapping.freshness import Freshness
+from core.mapping.surface.cells import Cells
 from core.mapping.surface.constants import LIKELY
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.records import F64, I64, UNKNOWN
-from jit import kernel
 
 UNITS = {  # every layer there is
-    "height": "m",  # above the ground that is tracked (`beams`) or expected (`reference_plane`)
+    "height": "m",  # above the ground: measured (`surface`) or expected (`reference_plane`)
     "variance": "m2",  # of the height: by its error model, or of what fell into the cell
     "z": "m",  # average height, map frame
     "slope": "rad",  # of the ground through the cell and its neighbours; 0: level
@@ -33,7 +31,6 @@ UNITS = {  # every layer there is
 }
 ON_ASKING = ("cause", "age")  # only of some cells: a code of `causes.py`; s, at the newest scan
 RingLayer = tuple[RingGrid, npt.NDArray[Any]]  # with the values (size, size) of its cells
-RECORDED = {"height": "mean_m", "variance": "var_m2", "z": "z_m"}  # fields of a cell's record
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,56 +84,6 @@ def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
 def state_view(window: ObstacleWindow) -> LayerView:
     cells = window.cells
     return view_of("state", window.grid, np.where(cells == UNKNOWN, np.nan, cells))
-
-
-@kernel
-def _soft(cells: Cells, out: F64) -> None:
-    """1 where what stands in a cell is soft, else 0; as flat as the cells."""
-    for at in range(cells.size):
-        out[at] = 1.0 if is_soft(cells, at) else 0.0
-
-
-def _terrain_at(cells: CellGrid, at: I64) -> F32:
-    """Slope, step and roughness (3, n) of the cells of method `beams` by flat index (n,)."""
-    near, flat = around(cells.grid, at), cells.flat
-    z_m = np.where((near >= 0) & (flat["count"][near] > 0), flat["z_m"][near], np.nan)
-    relief_m = flat["z_high_m"][at] - flat["z_low_m"][at]
-    return terrain_of(z_m, relief_m, cells.grid.cell_m)
-
-
-def maybe_beams_layer(name: str, cells: CellGrid, window: ObstacleWindow) -> LayerView | None:
-    if name == "state":
-        return state_view(window)
-    if name in JUDGED:
-        judged = _terrain_at(cells, np.arange(cells.flat.size))[JUDGED.index(name)]
-        return view_of(name, cells.grid, judged.reshape(cells.cells.shape))
-    if name == "soft":
-        ring = np.empty(cells.cells.shape)
-        _soft(cells.flat, ring.reshape(-1))
-    elif name in RECORDED:
-        ring = cells.cells[RECORDED[name]]
-    else:
-        return None
-    return view_of(name, cells.grid, np.where(cells.cells["count"] > 0, ring, np.nan))
-
-
-def maybe_beams_values(
-    name: str, cells: CellGrid, window: ObstacleWindow, i: I64, j: I64
-) -> F64 | None:
-    """Of method `beams`, at world cells i, j (n,); none where there is no such layer to ask for."""
-    if name == "state":
-        return states_at(window, i, j)
-    if name == "slope":
-        size = cells.grid.size
-        slopes_rad = _terrain_at(cells, j % size * size + i % size)[JUDGED.index(name)]
-        return _only_inside(cells.grid, i, j, slopes_rad)
-    if name not in RECORDED:
-        return None
-    counts = at_cells(cells.grid, i, j, cells.cells["count"])
-    values = np.where(counts > 0, at_cells(cells.grid, i, j, cells.cells[RECORDED[name]]), np.nan)
-    if name == "variance":  # one return has no spread, and is not therefore exact
-        values[values == 0.0] = np.nan
-    return values
 
 
 def heights_of(cells: Cells, static_rad: F64) -> F64:

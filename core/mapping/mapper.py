@@ -10,7 +10,6 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.config import Config
-from core.mapping.beams.maps import BeamMaps
 from core.mapping.layers import LayerView
 from core.mapping.method import MAX_SLOPE_RAD, Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
@@ -57,10 +56,8 @@ class Mapper:
         )
         if is_paper:
             self.maps: Maps = ReferencePlaneMaps(config)
-        elif config.map.method == "surface":
-            self.maps = SurfaceMaps(config)
         else:
-            self.maps = BeamMaps(config)
+            self.maps = SurfaceMaps(config)
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped

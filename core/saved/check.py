@@ -10,27 +10,18 @@ import numpy as np
 import numpy.typing as npt
 
 from core.config import Config
-from core.mapping.beams.cells import CELL
 from core.records import FREE, OBSTACLE, UNKNOWN
 from core.saved import surface
 from core.saved.bounds import (
     MOST_CELLS,
     MOST_M,
-    MOST_S,
     MOST_SCANS,
-    check_places,
     check_within,
 )
 from core.saved.encoding import Arrays, StateError
 
-FORMAT, VERSION = "mapod map state", 2
+FORMAT, VERSION = "mapod map state", 3
 I64, I32, I8, FLOAT = np.dtype(np.int64), np.dtype(np.int32), np.dtype(np.int8), np.dtype(float)
-UNSEEN = -1  # `looks` of a cell of a loaded map in which nothing was seen since
-# fields that begin anew with each run, and those that are saved
-OF_THIS_RUN = ("far_sides", "floor_run", "through", "outliers", "gone")
-KEPT = tuple(name for name in CELL.names or () if name not in OF_THIS_RUN)
-UNBOUNDED = ("low_m", "top_m")  # +inf and -inf while nothing rises
-COUNTED_IN = ("hit_scan", "stamp", "above_scan", "below_scan", "miss_scan", "through_scan")
 
 Shapes = dict[str, tuple[np.dtype[Any], tuple[int | None, ...]]]  # None: as many as there are
 
@@ -41,7 +32,6 @@ def settings_of(config: Config) -> list[str]:
         f"map.method={config.map.method}",
         f"map.cells={config.map.cells}",
         f"map.cell_m={config.map.cell_m!r}",
-        f"map.cell_value={config.map.cell_value}",
         f"obstacle.window_cells={config.obstacle.window_cells}",
         f"obstacle.h_pos_m={config.obstacle.h_pos_m!r}",
         f"obstacle.h_neg_m={config.obstacle.h_neg_m!r}",
@@ -64,15 +54,7 @@ def shapes_of(config: Config) -> Shapes:
         shapes["plane.count"] = (I32, (cells, cells))
         shapes["plane.states"] = (I8, (cells, cells))
         return shapes
-    if config.map.method == "surface":
-        return shapes | surface.shapes()
-    shapes["ground.line"] = (FLOAT, (None, 6))  # none, or x, y, z, slopes along x and y, travel
-    shapes["cells.corner"] = (I64, (2,))
-    shapes["cells.scan"] = (I64, ())
-    shapes["cells.at"] = (I32, (None,))  # flat indices of those of which anything is known
-    for name in KEPT:
-        shapes[f"cells.{name}"] = (CELL[name], (None,))
-    return shapes
+    return shapes | surface.shapes()
 
 
 def check_state(arrays: Arrays, config: Config) -> None:
@@ -87,10 +69,8 @@ def check_state(arrays: Arrays, config: Config) -> None:
     _check_window(arrays)
     if config.map.method == "reference_plane":
         _check_plane(arrays)
-    elif config.map.method == "surface":
-        surface.check_surface(arrays, config)
     else:
-        _check_cells(arrays, config)
+        surface.check_surface(arrays, config)
 
 
 def _check_head(arrays: Arrays, config: Config) -> None:
@@ -146,29 +126,3 @@ def _check_plane(arrays: Arrays) -> None:
     check_within("plane.average_m", average_m[count > 0], -MOST_M, MOST_M)
     if not np.isnan(average_m[count == 0]).all() or (states[count == 0] != UNKNOWN).any():
         raise StateError("plane.average_m: knows of cells in which nothing was counted")
-
-
-def _bounds_of(name: str, newest_scan: int) -> tuple[float, float]:
-    if name == "t_s":
-        return -MOST_S, MOST_S
-    if CELL[name].kind == "f":
-        return (0.0 if name == "var_m2" else -MOST_M), MOST_M
-    return (UNSEEN if name == "looks" else 0), (newest_scan if name in COUNTED_IN else MOST_SCANS)
-
-
-def _check_cells(arrays: Arrays, config: Config) -> None:
-    line = arrays["ground.line"]
-    check_within("ground.line", line, -MOST_M, MOST_M)
-    if len(line) > 1:
-        raise StateError(f"ground.line: there can be one, there are {len(line)}")
-    check_within("cells.scan", arrays["cells.scan"], 0, MOST_SCANS)
-    check_places(arrays, KEPT, config)
-    newest = int(arrays["cells.scan"])
-    for name in KEPT:
-        field = arrays[f"cells.{name}"]
-        if name in UNBOUNDED:
-            field = np.where(np.isinf(field), 0.0, field)
-        check_within(f"cells.{name}", field, *_bounds_of(name, newest))
-    seen = arrays["cells.count"] > 0
-    if (arrays["cells.z_low_m"] > arrays["cells.z_high_m"])[seen].any():
-        raise StateError("cells.z_low_m: lies above cells.z_high_m")

@@ -9,25 +9,19 @@ A loaded map is not believed as the same map is within a run: nobody saw what mo
 Numbers of the run itself (scans added and dropped, ages) are not part of the state.
 """
 
-from dataclasses import astuple
-
 import numpy as np
 
 from core.config import Config
 from core.grid.window import ObstacleWindow
-from core.mapping.beams.cells import CELL
-from core.mapping.beams.ground_plane import GroundPlane
-from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
-from core.saved.check import FORMAT, KEPT, UNSEEN, VERSION, check_state, settings_of
+from core.saved.check import FORMAT, VERSION, check_state, settings_of
 from core.saved.encoding import Arrays, StateError
 from core.saved.surface import into_surface, of_surface
 
 STILL = 0.02  # m/s and rad/s
-AWAY_VAR_M2 = 0.05**2  # what a filtered height is less sure of after a time that nobody saw
 
 
 def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
@@ -53,9 +47,7 @@ def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
         "motion": np.array([mapper.odometry.v_mps, mapper.odometry.w_radps]),
         **_of_window(maps.window),
     }
-    if isinstance(maps, BeamMaps):
-        arrays |= _of_beams(maps, now_s)
-    elif isinstance(maps, SurfaceMaps):
+    if isinstance(maps, SurfaceMaps):
         arrays |= of_surface(maps, now_s)
     elif isinstance(maps, ReferencePlaneMaps):
         grid = maps.plane.grid
@@ -75,25 +67,6 @@ def _of_window(window: ObstacleWindow) -> Arrays:
     }
 
 
-def _of_beams(maps: BeamMaps, now_s: float) -> Arrays:
-    """The records that were ever touched, instants as ages; and the ground ahead."""
-    cells, line = maps.cells, maps.ground.line
-    at = np.flatnonzero(cells.flat["stamp"]).astype(np.int32)
-    records = cells.flat[at]
-    arrays: Arrays = {
-        "cells.corner": np.array([cells.grid.corner_i, cells.grid.corner_j], dtype=np.int64),
-        "cells.scan": np.array(cells.scan, dtype=np.int64),
-        "cells.at": at,
-        "ground.line": np.zeros((0, 6)),
-    }
-    for name in KEPT:
-        arrays[f"cells.{name}"] = records[name].copy()
-    arrays["cells.t_s"] = np.where(records["count"] > 0, now_s - records["t_s"], 0.0)
-    if line is not None:
-        arrays["ground.line"] = np.array([astuple(line)])
-    return arrays
-
-
 def restore(mapper: Mapper, arrays: Arrays, config: Config, now_s: float) -> None:
     """Let a new mapper, that has taken nothing yet, go on from a state.
 
@@ -106,10 +79,7 @@ def restore(mapper: Mapper, arrays: Arrays, config: Config, now_s: float) -> Non
     x_m, y_m, z_m, yaw_rad = (float(part) for part in arrays["pose"])
     mapper.go_on_from(np.array([x_m, y_m, z_m]), yaw_rad, float(arrays["travel_m"]))
     maps = mapper.maps
-    if isinstance(maps, BeamMaps):
-        filters = config.map.cell_value == "kalman"
-        _into_beams(maps, arrays, now_s, AWAY_VAR_M2 if filters else 0.0)
-    elif isinstance(maps, SurfaceMaps):
+    if isinstance(maps, SurfaceMaps):
         into_surface(maps, arrays, now_s)
     elif isinstance(maps, ReferencePlaneMaps):
         grid, states = maps.plane.grid, arrays["plane.states"]
@@ -126,22 +96,6 @@ def _into_window(window: ObstacleWindow, arrays: Arrays) -> None:
     window.grid.corner_i, window.grid.corner_j = (int(part) for part in arrays["window.corner"])
     at = np.flatnonzero(arrays["window.cells"] == OBSTACLE).astype(np.int32)
     window.put(at, np.full(at.size, OBSTACLE, dtype=np.int8))
-
-
-def _into_beams(maps: BeamMaps, arrays: Arrays, now_s: float, away_var_m2: float) -> None:
-    cells, at = maps.cells, arrays["cells.at"]
-    maps.erase()
-    cells.grid.corner_i, cells.grid.corner_j = (int(part) for part in arrays["cells.corner"])
-    cells.scan = int(arrays["cells.scan"])
-    records = np.zeros(at.size, dtype=CELL)
-    for name in KEPT:
-        records[name] = arrays[f"cells.{name}"]
-    records["looks"] = UNSEEN
-    records["t_s"] = now_s - arrays["cells.t_s"]
-    records["var_m2"] += away_var_m2
-    cells.flat[at] = records
-    for row in arrays["ground.line"]:
-        maps.ground.line = GroundPlane(*(float(part) for part in row))
 
 
 def was_moving(arrays: Arrays) -> bool:

@@ -74,7 +74,7 @@ def speed_bumps(quick: bool, folder: Path) -> Outcome:
     bumps = [bump(f"bump {k}", (x, x + 0.4), LANE_Y) for k, x in enumerate((4.07, 6.57, 9.07))]
     way = Way(stand(LEAD_S), straight(7.0 if quick else 12.0, 1.0))
     place = _with_boxes([*corridor(28.37), *bumps], (14.07, 18.57))
-    test = Trial(place, way, methods(quick), follows=True, x_m=(-8.0, 34.0))
+    test = Trial(place, way, methods(), follows=True, x_m=(-8.0, 34.0))
     note = "Three round bumps, 5 cm high and 0.4 m long, boxes of 0.3 m beyond."
     outcome = Outcome("7 speed bumps, 1 m/s", note)
     _drive(outcome, test, way.duration_s + 0.5)
@@ -87,7 +87,7 @@ def pitching(quick: bool, folder: Path) -> Outcome:
     base = Way(stand(LEAD_S), straight(3.0 if quick else 9.0, 0.6))
     motion = nodding(base, math.radians(3.0), 1.0, LEAD_S)
     place = _with_boxes(corridor(28.37), (11.07, 15.57))
-    test = Trial(place, motion, methods(quick), x_m=(-8.0, 34.0))
+    test = Trial(place, motion, methods(), x_m=(-8.0, 34.0))
     note = "Corridor with two boxes of 0.3 m, 9 m at 0.6 m/s."
     outcome = Outcome("7 pitching +-3 deg, 1 Hz", note)
     _drive(outcome, test, base.duration_s)
@@ -116,7 +116,7 @@ def _ramp(angle_deg: float, at_m: float, word: str, quick: bool, folder: Path) -
         deep_m = min(0.0, ground_m) - 0.2
         solids.append(box(f"box {k}", (x, x + 0.55), (0.83, 1.43), ground_m + 0.35, deep_m))
     way = Way(stand(LEAD_S), straight(end_m + 1.0, 1.0 if quick else 0.6))
-    test = Trial(scene("ramp", solids), way, methods(quick), follows=True, x_m=(-8.0, 38.0))
+    test = Trial(scene("ramp", solids), way, methods(), follows=True, x_m=(-8.0, 38.0))
     outcome = Outcome("7 ramps", RAMPS_NOTE)
     _drive(outcome, test, way.duration_s, f"{word}: ")
     if abs(angle_deg) in (4.0, 8.0):
@@ -131,7 +131,7 @@ def _approach(
 ) -> tuple[Trial, BarWatch, Tally]:
     way = Way(stand(LEAD_S), straight(*((6.0, 1.0) if quick else (8.5, 0.5))))
     floors = ((0.0, 0.0), (span_m[1] + 1.0, 0.0)) if span_m[1] - span_m[0] > 0.1 else ((0.0, 0.0),)
-    test = Trial(scene("edge", solids), way, methods(quick), floors_m=floors, x_m=(-8.0, 30.0))
+    test = Trial(scene("edge", solids), way, methods(), floors_m=floors, x_m=(-8.0, 30.0))
     watch, false = BarWatch(test, span_m), Tally()
 
     def look() -> None:

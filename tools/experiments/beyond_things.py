@@ -59,7 +59,7 @@ def _table() -> list[Solid]:
 
 def table(quick: bool, folder: Path) -> Outcome:
     way = Way(stand(LEAD_S), straight(4.3, 1.0 if quick else 0.5))
-    test = Trial(scene("table", [*corridor(22.37), *_table()]), way, methods(quick))
+    test = Trial(scene("table", [*corridor(22.37), *_table()]), way, methods())
     test.run(way.duration_s + 0.5)
     told, free = {}, {}
     for view in test.views():
@@ -104,7 +104,7 @@ def person_crossing(quick: bool, folder: Path) -> Outcome:
     walker = replace(walker, from_s=PERSON_WALKS_S - 0.5, until_s=PERSON_WALKS_S + 3.2 / PERSON_MPS)
     way = Way(stand(LEAD_S + 20.0))
     place = replace(scene("corridor", corridor(20.37)), movers=(walker,))
-    test = Trial(place, way, methods(quick))
+    test = Trial(place, way, methods())
     lane = {
         view.name: view.part((PERSON_X_M - 0.6, PERSON_X_M + 0.6), (-1.9, 1.9))
         for view in test.views()
@@ -151,7 +151,7 @@ def moved_away(quick: bool, folder: Path) -> Outcome:
     ]
     way = Way(stand(LEAD_S), straight(1.0, 0.4), stand(30.0))
     place = replace(scene("corridor", [*corridor(20.37), *stays]), movers=(taken,))
-    test = Trial(place, way, methods(quick))
+    test = Trial(place, way, methods())
     test.run(TAKEN_S)
     before = {
         v.name: (v.states == OBSTACLE) & v.part((3.8, 4.9), (-0.6, 0.55)) for v in test.views()
@@ -181,7 +181,7 @@ def glass(quick: bool, folder: Path) -> Outcome:
     way = Way(stand(LEAD_S), straight(5.5, 1.0 if quick else 0.5))
     span_m = (GLASS_AT_M, GLASS_AT_M + 0.02)
     floors = ((0.0, 0.0), (GLASS_AT_M + 3.0, 0.0))
-    test = Trial(scene("glass", [*corridor(22.37), pane]), way, methods(quick), floors_m=floors)
+    test = Trial(scene("glass", [*corridor(22.37), pane]), way, methods(), floors_m=floors)
     watch = BarWatch(test, span_m)
     test.run(way.duration_s + 0.5, EVERY_S, watch.look)
     along, free = {}, {}
@@ -232,7 +232,7 @@ class Compass:
 def steel_door(quick: bool, folder: Path) -> Outcome:
     way = Way(stand(LEAD_S), straight(12.0, 1.0 if quick else 0.5))
     place = replace(scene("corridor", corridor(28.37)), steels=(DOOR,))
-    test = Trial(place, way, methods(quick), x_m=(-8.0, 34.0))
+    test = Trial(place, way, methods(), x_m=(-8.0, 34.0))
     worst = dict.fromkeys(test.apps, 0.0)
     compass = Compass(test)
 

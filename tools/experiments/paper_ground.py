@@ -19,7 +19,7 @@ def ramp(quick: bool, folder: Path) -> Outcome:
     end_m = RAMP_AT_M + long_m
     way = Way(stand(LEAD_S), straight(end_m + 2.0, speed_mps))
     place = ramp_corridor(RAMP_AT_M, long_m, math.radians(-1.0), end_m + 16.07)
-    configs = methods(quick, ground={"total_pitch_deg": 0.5, "step_pitch_deg": 0.1})
+    configs = methods(ground={"total_pitch_deg": 0.5, "step_pitch_deg": 0.1})
     test = Trial(scene("ramp", place), way, configs, follows=True, x_m=(-8.0, 42.0))
     phases = {phase: Tally() for phase in ("before", "on", "after")}
 
@@ -74,7 +74,7 @@ def standing_on_objects(quick: bool, folder: Path) -> Outcome:
         motion = tilted(
             base, math.radians(pitch_deg), math.radians(roll_deg), z_m, base.duration_s + 1.0, 2.0
         )
-        configs = methods(quick, ground={"total_pitch_deg": 45.0})
+        configs = methods(ground={"total_pitch_deg": 45.0})
         configs[UNCOMPENSATED] = configs["reference_plane"]
         test = Trial(scene("corridor", corridor(24.37)), motion, configs)
         test.run(base.duration_s + 4.0)

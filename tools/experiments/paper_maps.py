@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 
 from core.config import Config
-from core.mapping.beams.maps import BeamMaps
 from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.surface.maps import SurfaceMaps
@@ -38,7 +37,7 @@ def hall_with_pillars(quick: bool, folder: Path) -> Outcome:
     configs: dict[str, Config] = {}
     for cells in sizes:
         keys = {"cells": cells, "cell_m": OVER_M / (cells - 1)}
-        both = methods(True, map=keys, obstacle={"window_cells": cells})
+        both = methods(map=keys, obstacle={"window_cells": cells})
         configs |= {f"{name} {cells}": both[name] for name in BOTH}
     way = Way(stand(LEAD_S), straight(4.5, 0.5))
     test = Trial(scene("hall", hall()), way, configs)
@@ -84,9 +83,8 @@ def memory_kb(maps: Maps) -> tuple[float, float]:
         grid = maps.plane.grid
         elevation = grid.average_m.nbytes + grid.count.nbytes
         return 2 * elevation / 1000.0, 2 * grid.states.nbytes / 1000.0  # turning needs a copy
-    assert isinstance(maps, BeamMaps | SurfaceMaps)
-    cells = maps.cells if isinstance(maps, SurfaceMaps) else maps.cells.cells
-    return cells.nbytes / 1000.0, maps.window.cells.nbytes / 1000.0
+    assert isinstance(maps, SurfaceMaps)
+    return maps.cells.nbytes / 1000.0, maps.window.cells.nbytes / 1000.0
 
 
 def draw_ms(view: MapView) -> float:
@@ -100,7 +98,7 @@ def draw_ms(view: MapView) -> float:
 
 def flat_floor(quick: bool, folder: Path) -> Outcome:
     way = Way(stand(LEAD_S), straight(2.0 if quick else 8.0, 0.5))
-    configs = methods(quick, scanner={"first_deg": 45.0, "last_deg": 135.0})
+    configs = methods(scanner={"first_deg": 45.0, "last_deg": 135.0})
     test = Trial(scene("flat", corridor(26.37, 8.12)), way, configs)
     test.run(way.duration_s + 0.2)
     note = "Corridor of 8 m, beams from 45 to 135 deg, 8 m at 0.5 m/s."

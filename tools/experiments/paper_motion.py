@@ -42,7 +42,7 @@ def straight_drives(quick: bool, folder: Path) -> Outcome:
             x_axis_east_of_north_rad=COMPASS_RAD,
             slips=(Slip(share, share),),
         )
-        test = Trial(place, way, methods(quick, map=FINE, obstacle={"window_cells": FINE["cells"]}))
+        test = Trial(place, way, methods(map=FINE, obstacle={"window_cells": FINE["cells"]}))
         test.run(way.duration_s + 0.5)
         _measure_straight(f"{way_m:g} m", way_m, wall_m, test, outcome)
         caption = f"5.4: after {way_m:g} m straight, with slip"
@@ -93,7 +93,7 @@ def left_turn(quick: bool, folder: Path) -> Outcome:
         turn(math.radians(92.0), rate_radps),
         stand(0.5),
     )
-    test = Trial(scene("hall", hall()), way, methods(quick))
+    test = Trial(scene("hall", hall()), way, methods())
     test.run(way.duration_s)
     growth, walls, floors = {}, {}, {}
     for view in test.views():

@@ -13,7 +13,7 @@ from tools.experiments.views import MapView
 Span = tuple[float, float]
 Aim = Literal["less", "more", "none"]
 SAME = 0.02  # figures that differ by less than this share count as the same
-METHODS = ("reference_plane", "beams", "kalman", "surface")
+METHODS = ("reference_plane", "surface")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,9 +50,9 @@ class Outcome:
             self.pictures.append((path.name, caption))
 
 
-def verdict(row: Row, method: str = "beams", other: str = "reference_plane") -> str:
-    """`better`, `same` or `worse`: one method against another; "" where that is not judged."""
-    ours, theirs = row.values.get(method, math.nan), row.values.get(other, math.nan)
+def verdict(row: Row) -> str:
+    """`better`, `same` or `worse`: ours against the paper's; "" where that is not judged."""
+    theirs, ours = (row.values.get(method, math.nan) for method in METHODS)
     if row.aim == "none" or math.isnan(ours) or math.isnan(theirs):
         return ""
     if math.isinf(ours) or math.isinf(theirs):
@@ -82,15 +82,15 @@ MARKS = {"better": "better", "same": "same", "worse": "**worse**", "": ""}
 
 def table(rows: Sequence[Row]) -> list[str]:
     lines = [
-        "| experiment | quantity | paper | reference_plane | beams | | beams, kalman | surface |",
-        "|---|---|---|---|---|---|---|---|",
+        "| experiment | quantity | paper | reference_plane | surface | |",
+        "|---|---|---|---|---|---|",
     ]
     before = ""
     for row in rows:
         name = row.experiment if row.experiment != before else ""
         before = row.experiment
         told = [_told(row, method) for method in METHODS]
-        cells = [name, row.quantity, row.paper, *told[:2], MARKS[verdict(row)], *told[2:]]
+        cells = [name, row.quantity, row.paper, *told, MARKS[verdict(row)]]
         lines.append("| " + " | ".join(cells) + " |")
     return lines
 
@@ -99,7 +99,7 @@ def _not_better(rows: Sequence[Row]) -> list[str]:
     lines, alike, faultless = [], [], 0
     for row in rows:
         told = f"{row.experiment}, {row.quantity}: "
-        told += f"{_told(row, 'beams')} against {_told(row, 'reference_plane')}"
+        told += f"{_told(row, 'surface')} against {_told(row, 'reference_plane')}"
         judged = verdict(row)
         if judged == "worse":
             lines.append(f"- worse: {told}")
@@ -110,20 +110,10 @@ def _not_better(rows: Sequence[Row]) -> list[str]:
     return [*lines, *alike, "", f"In {faultless} more rows neither method has any fault to tell."]
 
 
-def _behind(rows: Sequence[Row]) -> list[str]:
-    """Figures in which the method that may follow is worse than the one that is shipped."""
-    lines = []
-    for row in rows:
-        if verdict(row, "surface", "beams") == "worse":
-            told = f"{_told(row, 'surface')} against {_told(row, 'beams')}"
-            lines.append(f"- {row.experiment}, {row.quantity}: {told}")
-    return lines or ["Nowhere."]
-
-
 def _is_faultless(row: Row) -> bool:
     """Whether nothing could be better: no cell wrong, or 100 % of what should be."""
     best = 100.0 if row.aim == "more" else 0.0
-    return abs(row.values["beams"] - best) < 0.5 * 10.0**-row.digits
+    return abs(row.values["surface"] - best) < 0.5 * 10.0**-row.digits
 
 
 def merged(parts: Iterable[Outcome]) -> list[Outcome]:
@@ -145,12 +135,10 @@ where the paper stopped. It writes this page and the pictures; `make experiments
 and prints its figures.
 
 One robot drives in a simulated place. Its devices' bytes go to several instances of the app at the
-same instants, which differ in `map.method` and `map.cell_value` only: `reference_plane` is the
-paper's method to the letter, `beams` is ours as shipped, `beams, kalman` is ours with filtered
-cells, `surface` is the one that may follow it ([method.md](method.md)). The body moves on order,
-without physics, so that what is measured is the maps; sensors have the noise of their sheets. All
-is seeded: the figures come out the same again, but those marked `~`, which are times on the machine
-that ran them.
+same instants, which differ in `map.method` only: `reference_plane` is the paper's method to the
+letter, `surface` is ours ([method.md](method.md)). The body moves on order, without physics, so
+that what is measured is the maps; sensors have the noise of their sheets. All is seeded: the
+figures come out the same again, but those marked `~`, which are times on the machine that ran them.
 
 What is measured, always in the window that the planner gets, held against the world:
 
@@ -166,8 +154,8 @@ What is measured, always in the window that the planner gets, held against the w
   within two cells on all four sides.
 - *Position error of walls*: from each obstacle cell to the nearest true one, centre to centre.
 
-The paper's column has its figures where it gives any. The column behind beams says whether beams
-is better than reference_plane, the same (within 2 %, times within 25 %), or worse.
+The paper's column has its figures where it gives any. The last column says whether surface is
+better than reference_plane, the same (within 2 %, times within 25 %), or worse.
 """
 
 
@@ -187,12 +175,11 @@ def document(outcomes: Sequence[Outcome]) -> str:
     lines += ["", "## The table", "", *table(rows), ""]
     counts = [f"{judged.count(word)} {word}" for word in ("better", "same", "worse")]
     lines += [
-        f"Of {sum(map(bool, judged))} figures that both methods have, beams is in "
+        f"Of {sum(map(bool, judged))} figures that both methods have, surface is in "
         f"{counts[0]}, in {counts[1]}, in {counts[2]}.",
         "",
     ]
-    lines += ["## Where surface is not as good as beams", "", *_behind(rows), ""]
-    lines += ["## Where beams is not better", "", *_not_better(rows), "", "## Pictures", ""]
+    lines += ["## Where surface is not better", "", *_not_better(rows), "", "## Pictures", ""]
     for outcome in outcomes:
         for file, caption in outcome.pictures:
             lines += [caption, "", f"![{caption}](pictures/{file})", ""]

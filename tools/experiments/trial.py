@@ -34,7 +34,7 @@ ROOT = Path(__file__).resolve().parents[2]
 START_S = 1000.0
 LEAD_S = 4.0  # standing still at first; the devices need a second of it to start
 UNCOMPENSATED = "reference_plane, uncompensated"  # the paper's method without its step 6
-BOTH = ("reference_plane", "beams")  # whose maps the pictures show
+BOTH = ("reference_plane", "surface")  # methods
 LANE_M = 0.3  # to either side: half the robot's width
 FRONT_M = 0.52  # of the robot, ahead of its axle
 AROUND_M = 0.4  # of the span in which an obstacle cell may lie, before and behind
@@ -86,18 +86,10 @@ def shipped() -> Config:
     return with_changes(config, planner={"rate_hz": LINK_HZ})
 
 
-def methods(quick: bool, **sections: dict[str, Any]) -> dict[str, Config]:
-    """Settings of both methods, alike but for it; not of a quick run: Kalman cells, surface."""
+def methods(**sections: dict[str, Any]) -> dict[str, Config]:
+    """Settings of both methods, alike but for it."""
     base = with_changes(shipped(), **sections) if sections else shipped()
-    kinds = {
-        "reference_plane": {"method": "reference_plane"},
-        "beams": {"method": "beams"},
-        "kalman": {"method": "beams", "cell_value": "kalman"},
-        "surface": {"method": "surface"},
-    }
-    if quick or ALONE:
-        kinds = {name: kinds[name] for name in ALONE or BOTH}
-    return {name: with_changes(base, map=keys) for name, keys in kinds.items()}
+    return {name: with_changes(base, map={"method": name}) for name in ALONE or BOTH}
 
 
 class SeenPart(NamedTuple):

@@ -13,7 +13,6 @@ import numpy.typing as npt
 
 from app import App
 from core.grid.ring import RingGrid
-from core.mapping.beams.maps import BeamMaps
 from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.surface.maps import SurfaceMaps
@@ -83,13 +82,8 @@ def heights_over_ground_m(maps: SurfaceMaps) -> F64:
 def _heights_m(maps: Maps) -> F64:
     if isinstance(maps, ReferencePlaneMaps):
         return straightened(maps.window.grid, maps.heights_m())
-    if isinstance(maps, SurfaceMaps):
-        grid, straight = maps.grid, heights_over_ground_m(maps)
-    else:
-        assert isinstance(maps, BeamMaps)
-        grid = maps.elevation.grid
-        seen = np.where(maps.elevation.count > 0, maps.elevation.mean_m, np.nan)
-        straight = straightened(grid, seen)
+    assert isinstance(maps, SurfaceMaps)
+    grid, straight = maps.grid, heights_over_ground_m(maps)
     window = maps.window.grid
     wide = np.pad(straight, window.size, constant_values=np.nan)
     j, i = (

@@ -3,7 +3,7 @@
 map.cell_m=0.1,0.2             a list
 obstacle.h_pos_m=0.08:0.12:3   so many values from here to there, both ends too
 obstacle.h_pos_m=0.08:0.12     any value between, for samples by chance
-map.method=beams               one for all
+map.method=surface             one for all
 """
 
 import itertools

@@ -89,6 +89,7 @@ class Limits(NamedTuple):
     floor_says: float  # vote of floor where nothing stands
     noise_m2: float  # of the height of a return from level ground
     far_m: float  # how far ahead level ground is met
+    is_plane: bool  # the scanner's beams lie in one
     rises: float  # ground that rises more towards the robot is none
     parts: int  # of a cell, along its edge,
     row: int  # and in so many of all, floor may be on one side of a ditch alone

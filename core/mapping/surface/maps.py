@@ -74,14 +74,14 @@ def take_sweep(
     surface.now[0].scan += 1
     roll_on(rolled_s, surface, room)
     count = hold(first, surface)
-    find_faces(first.returns)
+    find_faces(first.returns, surface.limits.is_plane)
     agree(first.returns, guess, surface.limits, room.bins)
     find_witnesses(first, surface)
     set_right(first.returns, passed_s, surface, room)
     end_beams(first, surface)
     if behind.returns.size > 0:
         count += hold(behind, surface)
-        find_faces(behind.returns)
+        find_faces(behind.returns, surface.limits.is_plane)
         set_right(behind.returns, passed_s, surface, room)
         end_beams(behind, surface)
     follow_beams(first, surface, room.places)
@@ -115,6 +115,7 @@ def limits_of(config: Config) -> Limits:
         floor_says=0.0,
         noise_m2=sweep.noise_m2(away_m, mount_z_m / away_m, FLAT_M**2),
         far_m=far_m,
+        is_plane=scanner.options.spec.is_plane,
         rises=0.5 * mount_z_m / far_m,
         parts=parts,
         row=min(parts, parts * parts - 1),

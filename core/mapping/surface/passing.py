@@ -34,9 +34,32 @@ def _expects(at: int, x: float, y: float, r: float, ray: F64, surface: Surface) 
 
 
 @kernel
-def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
-    """Back from a return along its beam, while it is low: nothing stands, or no ground is there."""
-    one, lens, ray, end = beams.returns[b], beams.lenses[b], beams.rays[b], beams.ranges_m[0, b]
+def _leave(b: int, beams: Beams, surface: Surface) -> float:
+    """How far a beam is in the map that ends outside of it; if too low there, it is BELOW."""
+    one, lens, ray, ring = beams.returns[b], beams.lenses[b], beams.rays[b], surface.ring
+    corner, r = (ring.corner_i, ring.corner_j), beams.ranges_m[0, b]
+    for k in range(2):
+        edge_m = (corner[k] + (ring.size if ray[k] > 0.0 else 0)) * ring.cell_m
+        if ray[k] != 0.0:
+            r = min(r, (edge_m - lens[k]) / ray[k] - 0.5 * ring.cell_m)
+    lens_z, rise = upright_line(lens, ray, surface)
+    z = lens_z + r * rise
+    if z - surface.now[0].wheels_m > surface.limits.h_neg_m or r < MIN_RANGE_M:
+        return r
+    x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
+    plane = reach(x, y, r, ray, surface)
+    one.height_m, one.var_m2 = z - plane.z_m, plane.var_m2
+    one.wander_m2 = parted_m2(*in_body(x, y, surface.stand), surface.stand.t_s - plane.seen_s)
+    sigma = math.sqrt(one.var_m2 + one.wander_m2 + noise_m2(r, ray[2], beams.lens_m2))
+    if one.height_m <= min(surface.limits.h_neg_m, -GATE * sigma):
+        one.kind = sweep.BELOW
+    return r
+
+
+@kernel
+def _pass_low(b: int, end: float, beams: Beams, surface: Surface) -> None:
+    """Back from where a beam ends, while it is low: nothing stands, or no ground is there."""
+    one, lens, ray = beams.returns[b], beams.lenses[b], beams.rays[b]
     limits, cell_m = surface.limits, surface.ring.cell_m
     if one.height_m > limits.h_pos_m:
         return  # nor is it low before
@@ -84,7 +107,7 @@ def _pass_low(b: int, beams: Beams, surface: Surface) -> None:
 @kernel
 def _see_beyond(cell: Record, one: Record, surface: Surface) -> None:
     """Where a beam landed that was under the ground of a cell: on floor, lower, or on a face."""
-    own, end = surface.own, surface.cells[one.at]
+    own, end = surface.own, surface.cells[max(0, one.at)]
     over_lowest = one.z_m - ground_of(end, own) - end.low_m
     if one.kind == sweep.FLOOR:
         cell.floor_m = ground_of(end, own) - ground_of(cell, own)
@@ -155,7 +178,10 @@ def follow_beams(beams: Beams, surface: Surface, places: I32) -> None:
             if back - first >= DARK:
                 _miss(beams.lenses[b], beams.rays[b], surface)
             continue
-        if beams.returns[b].kind not in (sweep.HIGH, sweep.NONE):
-            _pass_low(b, beams, surface)
+        one, end = beams.returns[b], ranges_m[b]
+        if one.at < 0:
+            end = _leave(b, beams, surface)
+        if one.kind not in (sweep.HIGH, sweep.NONE):
+            _pass_low(b, end, beams, surface)
         if (b + surface.now[0].scan) % 2 == 0:  # the others in the next scan
             _pass_through(b, beams, surface, places)

@@ -93,7 +93,9 @@ def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surf
             kept = 1.0 / (1.0 + away / CARRY_M)
             dx, dy = x - bx + from_centre(bx, cell_m), y - by + from_centre(by, cell_m)
             var = cells.grown(cell.var_m2, math.sqrt(dx * dx + dy * dy))
-            z = ground_of(cell, surface.own) + kept * cell.slope_x * dx + kept * cell.slope_y * dy
+            rise = cell.slope_x * dx + cell.slope_y * dy
+            z = ground_of(cell, surface.own) + kept * rise
+            var += min(0.0, (1.0 - kept) * rise) ** 2  # ground that falls away may go on to fall
             is_before = side < 0.0
             return plane_of(z, cell.slope_x, cell.slope_y, var, cell.floor_s, cell.tied, is_before)
         away += THING_M
@@ -103,7 +105,8 @@ def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surf
 @kernel
 def reach(x: float, y: float, r: float, ray: F64, surface: Surface) -> Plane:
     """Ground at a point of a beam, r away, by what was seen towards the robot, or its wheels."""
-    plane, stand = _find(x, y, ray, -1.0, r, surface), surface.stand
+    stand = surface.stand
+    plane = _find(x, y, ray, -1.0, min(r, GAP_M), surface)
     if plane.var_m2 < math.inf:
         return plane
     dx, dy, (a, b) = x - stand.x_m, y - stand.y_m, stand.slopes
@@ -170,11 +173,11 @@ def hold(beams: Beams, surface: Surface) -> int:
 
 
 @kernel
-def find_faces(returns: Records) -> None:
+def find_faces(returns: Records, is_plane: bool) -> None:
     """Which returns lie on what rises to the side, too steeply for ground.
 
     A sweep meets level ground along a line across the way: one that climbs, or falls, while it
-    hardly goes aside runs along a wall.
+    hardly goes aside runs along a wall. Returns of several planes are beside each other anyhow.
     """
     last = returns.size - 1
     for b in range(returns.size):
@@ -185,9 +188,11 @@ def find_faces(returns: Records) -> None:
             if k != b and returns[k].at >= 0 and dx * dx + dy * dy < THING_M * THING_M:
                 me.is_lone = 0
         if me.at >= 0 and one.at >= 0 and other.at >= 0:
-            rise, aside = abs(other.z_m - one.z_m), abs(other.aside_m - one.aside_m)
+            rise, run = abs(other.z_m - one.z_m), abs(other.aside_m - one.aside_m)
+            if not is_plane:
+                run = math.hypot(other.x_m - one.x_m, other.y_m - one.y_m)
             doubt = GATE * math.sqrt(one.noise_m2 + other.noise_m2)
-            me.is_face = rise - doubt > STEEPEST * aside
+            me.is_face = rise - doubt > STEEPEST * run
 
 
 @kernel

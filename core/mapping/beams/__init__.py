@@ -1,1 +1,0 @@
-"""Method `beams`: exact geometry for each beam, evidence in cells."""

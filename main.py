@@ -17,7 +17,7 @@ from types import FrameType
 
 from app import App, Ports, warm_kernels
 from config_file import load_config, read_key, with_changes
-from core.config import Config, ConfigError
+from core.config import Config, ConfigError, outdated_in
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import restore, was_moving
 from core.summary import describe_robot
@@ -181,7 +181,10 @@ def settings_of(options: argparse.Namespace) -> Config:
         ConfigError: as load_config.
         StateError: a map is to be loaded, and nobody sees where the robot stands.
     """
-    config = load_config(Path(options.config).read_text(encoding="utf-8"))
+    text = Path(options.config).read_text(encoding="utf-8")
+    config = load_config(text)
+    for change in outdated_in(text):
+        print(f"{options.config}: {change}", file=sys.stderr)
     if options.record:
         config = with_changes(config, record={"path": options.record})
     if not options.unattended:

@@ -135,7 +135,9 @@ def test_the_receiver_needs_nothing_but_numpy(site: Path, tmp_path: Path) -> Non
 def test_it_runs_against_nothing_is_recorded_and_replayed(site: Path, tmp_path: Path) -> None:
     text = (ROOT / "mapod.toml").read_text(encoding="utf-8")
     text = text.replace("tcp://192.168.0.1:2112", "tcp://127.0.0.1:1")
-    text = text.replace('method = "beams"', 'method = "reference_plane"')  # quick without compiler
+    text = text.replace(
+        'method = "surface"', 'method = "reference_plane"'
+    )  # quick without compiler
     (tmp_path / "mapod.toml").write_text(text, encoding="utf-8")
     with begun(site, tmp_path, "-m", "mapod", "record", "--out", "nothing.mcap") as process:
         assert process.stderr is not None

@@ -114,7 +114,7 @@ def maybe_surface_ring(
     if name == "z":
         return grid, heights_of(cells, static_rad)
     if name == "variance":
-        return grid, np.where(is_seen, cells["var_m2"], np.nan)
+        return grid, np.where(np.isnan(height_m), np.nan, cells["var_m2"])
     if name == "slope":
         return grid, np.where(is_seen, np.arctan(np.hypot(steep_x, steep_y)), np.nan)
     if name == "soft":

@@ -36,7 +36,7 @@ def free_told(loop: ClosedLoop) -> int:
 @pytest.mark.parametrize("fault", few(["cut", "mute"], 1))
 def test_silence_is_named_takes_free_back_and_is_recovered_from(fault: str) -> None:
     loop = ClosedLoop()
-    loop.run(4.5)
+    loop.run(6.0)
     for device in DEVICES:
         assert free_told(loop) > 60
         fall_silent_and_recover(loop, device, fault)

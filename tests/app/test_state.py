@@ -33,7 +33,7 @@ from tools.settings import rewritten
 Ended = tuple[ClosedLoop, Arrays]
 
 
-def driven(seconds: float, method: str = "beams") -> ClosedLoop:
+def driven(seconds: float, method: str = "surface") -> ClosedLoop:
     """A robot that has driven down the corridor, and stands."""
     loop = ClosedLoop(shipped(map={"method": method}))
     loop.run(seconds)

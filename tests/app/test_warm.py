@@ -10,7 +10,7 @@ from app import warm_kernels
 from tests import ROOT
 from tests.support.shipped import shipped
 
-METHODS = {name: f"core.mapping.{name}" for name in ("paper", "beams", "surface")}
+METHODS = {name: f"core.mapping.{name}" for name in ("paper", "surface")}
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
 
@@ -27,7 +27,7 @@ def called_from_python(path: Path) -> set[str]:
     return {call.func.id for call in calls if isinstance(call.func, ast.Name)}
 
 
-def cold_kernels(method: str = "beams") -> set[str]:
+def cold_kernels(method: str = "surface") -> set[str]:
     """Those of the app with a method that Python calls, and that are not loaded."""
     others = tuple(room for name, room in METHODS.items() if name != method)
     cold, seen = set(), 0

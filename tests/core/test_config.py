@@ -10,7 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config_file import drivers, key_from_bytes, load_config, read_key, with_changes
-from core.config import Config, ConfigError, Drivers, config_from_text, table_from
+from core.config import (
+    Config,
+    ConfigError,
+    Drivers,
+    config_from_text,
+    outdated_in,
+    table_from,
+)
 from hw.lms1xx.options import Lms1xxOptions
 from tests import ROOT
 
@@ -94,7 +101,6 @@ def test_unknown_and_missing_sections_and_what_is_no_toml_are_named() -> None:
         ("map", "cells", 101.0, "a whole number from 3 to 2001, is 101.0"),
         ("map", "cell_m", float("nan"), "from 0.01 to 1, is nan"),
         ("map", "cell_m", 0.0333, "whole millimetres"),
-        ("map", "cell_value", "certainty", "'kalman' or 'mean', is 'certainty'"),
         ("obstacle", "soft_free_below_m", 0.3, "two echoes of a beam"),
         ("obstacle", "h_neg_m", 0.1, "is 0.1"),
         ("obstacle", "window_cells", 103, "at most map.cells = 101, is 103"),
@@ -106,6 +112,17 @@ def test_a_value_out_of_range_is_told_with_its_range(
     error = error_of(with_value(section, key, value))
     assert told in error
     assert key in error
+
+
+def test_a_file_of_an_earlier_version_is_read_and_what_has_gone_is_told() -> None:
+    old = SHIPPED.replace('method = "surface"', 'method = "beams"\ncell_value = "kalman"')
+    assert load_config(old) == load_config(SHIPPED)
+    told = outdated_in(old)
+    assert len(told) == 2
+    assert told[0].startswith('map.method: "beams" is gone')
+    assert told[1].startswith("map.cell_value: is gone")
+    assert outdated_in(SHIPPED) == []
+    assert "map: must be a section" in error_of("map = 3")
 
 
 VALUES: st.SearchStrategy[Any] = st.one_of(

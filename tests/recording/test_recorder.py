@@ -26,9 +26,9 @@ def flights(loop: RecordedLoop) -> list[dict[str, str]]:
 
 def test_states_are_the_apps_own_at_the_rate_of_the_settings() -> None:
     loop = RecordedLoop(ListTap, shipped(record={"rate_hz": 5}))
-    loop.run(4.0)
+    loop.run(3.2)
     taken = told(loop, STATE)
-    assert 18 <= len(taken) <= 21
+    assert 14 <= len(taken) <= 17
     state = state_from(taken[-1].t_s, taken[-1].data)
     window = loop.app.mapper.maps.window
     assert state.window is not None

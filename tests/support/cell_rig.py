@@ -1,99 +1,105 @@
-"""Cells of method `beams` on a level ground, fed return by return: for tests of single cells."""
+"""The maps of method `surface` fed sweep by sweep, from any place: for tests of the map's life."""
 
-from typing import Any
+import math
 
 import numpy as np
-import numpy.typing as npt
 
-from core.config import Obstacle
-from core.grid.window import ObstacleWindow
-from core.mapping.beams.carving import FreeSpaceCarver
-from core.mapping.beams.cells import CellGrid
-from core.mapping.beams.classifier import NEW_S, CellClassifier
-from core.mapping.beams.elevation import Elevation
-from core.mapping.beams.ground_plane import LEVEL
-from core.mapping.freshness import Freshness
 from core.mapping.rays import Sweep
+from core.mapping.surface.maps import SurfaceMaps
+from core.records import F64, PointSweep
+from tests.support.flat_ride import config_of
 
-F64 = npt.NDArray[np.float64]
 Point = tuple[float, float, float]
-CELL_M, H, HEIGHT_M = 0.2, 0.10, 1.30
-SURE = (True, True, True)  # the ground is known well, and so is its height just now
-LENS: Point = (0.0, 0.0, 1.08)
-SCAN_S = 0.04
-NEW_LOOKS = round(NEW_S / SCAN_S)
-FOOTPRINT = (0.5, 0.2, 0.3)  # ahead, behind, to either side
+CELL_M, LENS_M, SCAN_S = 0.2, 0.3, 0.04  # so low that beams skim the floor
+PART_M = 0.05  # floor is noted in parts of cells, so large
+NO_SCAN = PointSweep(np.zeros((1, 3)), np.ones((1, 3)), np.ones((1, 1)), np.zeros(1), 0, 0.0)
 
 
-def sweep_to(points: list[Point], lens: Point = LENS, t_s: float = 0.0) -> Sweep:
-    """One beam from a lens to each place (map frame, metres)."""
+def sweep_to(points: list[Point], lens: Point, t_s: float, returns: bool = True) -> Sweep:
+    """One beam from a lens to each place (map frame, metres); or none of them comes back."""
     array = np.array(points, dtype=np.float64).reshape(-1, 3)
     lenses = np.tile(np.array(lens), (len(array), 1))
     ranges_m = np.linalg.norm(array - lenses, axis=1)
-    return Sweep(t_s, lenses, (array - lenses) / ranges_m[:, None], ranges_m[None, :])
+    told_m = ranges_m if returns else np.full_like(ranges_m, np.nan)
+    return Sweep(t_s, lenses, (array - lenses) / ranges_m[:, None], told_m[None, :])
 
 
-def floor_around(x: float, y: float) -> list[Point]:
-    """A floor return in each of the eight cells around a place."""
-    steps = (-CELL_M, 0.0, CELL_M)
-    return [(x + dx, y + dy, 0.0) for dx in steps for dy in steps if (dx, dy) != (0.0, 0.0)]
+def floor_at(x: float, y: float, cells: int = 3) -> list[Point]:
+    """Level floor all over so many cells in a square, about the cell at a place."""
+    low_x, low_y = (CELL_M * (math.floor(at / CELL_M) - (cells - 1) / 2) for at in (x, y))
+    steps = PART_M * (np.arange(round(cells * CELL_M / PART_M)) + 0.5)
+    return [(float(low_x + dx), float(low_y + dy), 0.0) for dx in steps for dy in steps]
+
+
+class Orientation:
+    doubted = 0
+
+
+class Motion:
+    """Attitude and odometry of a robot that stays level and looks along x."""
+
+    orientation = Orientation()
+    yaw_start_rad = travel_m = x_m = y_m = w_radps = 0.0
+    corrected_m = np.zeros(2)
+
+    def rpy_at(self, t_s: float) -> tuple[float, float, float]:
+        return 0.0, 0.0, 0.0
+
+    def xyz_at(self, t_s: float) -> F64:
+        return np.array([self.x_m, self.y_m, 0.0])
+
+    def travel_at(self, t_s: float) -> float:
+        return self.travel_m
+
+    def correct_slip(self, heading: tuple[float, float], slipped_m: float) -> None:
+        raise AssertionError("this robot does not slip")
 
 
 class CellRig:
-    """An elevation map and the obstacle map made of it, bounds +-0.10 m."""
+    """Maps that take sweeps made by hand; the robot has moved a little, and stands at x, y."""
 
-    def __init__(
-        self,
-        cells: int = 41,
-        window: int = 41,
-        *,
-        filters: bool = False,
-        soft_free_below_m: float = 0.0,
-        free_max_age_s: float = 120.0,
-        period_s: float = SCAN_S,
-    ) -> None:
-        self.cells = CellGrid(cells, CELL_M)
-        self.window = ObstacleWindow(window, CELL_M)
-        self.elevation = Elevation(self.cells, H, -H, HEIGHT_M, filters, 1081)
-        self.fresh = Freshness(self.cells.grid, free_max_age_s, FOOTPRINT)
-        self.carver = FreeSpaceCarver(self.cells, self.fresh)
-        self.obstacle = Obstacle(H, -H, window, soft_free_below_m, free_max_age_s)
-        self.period_s = period_s
-        self.classifier = self.classifier_into(self.window)
-        self.ground = LEVEL
-        self.x = self.y = self.t_s = 0.0
+    def __init__(self, cells: int = 41, window: int = 41, free_max_age_s: float = 120.0) -> None:
+        obstacle = {"window_cells": window, "free_max_age_s": free_max_age_s}
+        self.maps = SurfaceMaps(config_of(map={"cells": cells}, obstacle=obstacle))
+        self.window, self.grid = self.maps.window, self.maps.grid
+        self._motion = Motion()
+        self.t_s = 0.0
+        for x in (-0.2, 0.0):
+            self.follow(x, 0.0)
+            self.add()
 
-    def classifier_into(self, window: ObstacleWindow) -> CellClassifier:
-        return CellClassifier(self.cells, window, self.fresh, self.obstacle, self.period_s)
-
-    def take(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
-        """A whole scan; how many returns it had."""
-        self.fresh.follow(sweep.t_s, self.x, self.y, (1.0, 0.0))
-        returns = self.fill(sweep, trust)
-        self.carver.add(sweep, self.ground)
-        self.classifier.decide(self.cells.touched[: self.cells.used])
-        self.fresh.expire(self.window)
-        self.t_s += self.period_s
-        return returns
-
-    def fill(self, sweep: Sweep, trust: tuple[bool, bool, bool] = SURE) -> int:
-        """The returns of a scan into the cells, and nothing more; how many it had."""
-        self.cells.begin_scan()
-        return self.elevation.add(sweep, self.ground, trust)
-
-    def add(self, *points: Point, lens: Point = LENS) -> int:
-        return self.take(sweep_to(list(points), lens, self.t_s))
-
-    def add_silent(self, *points: Point, lens: Point = LENS) -> int:
-        """A scan of beams towards places, of which nothing comes back."""
-        sweep = sweep_to(list(points), lens, self.t_s)
-        silent = np.full_like(sweep.ranges_m, np.nan)
-        return self.take(Sweep(sweep.t_s, sweep.origins, sweep.rays, silent))
+    @property
+    def place(self) -> tuple[float, float]:
+        return self._motion.x_m, self._motion.y_m
 
     def follow(self, x: float, y: float) -> None:
-        self.x, self.y = x, y
-        self.cells.grid.follow(x, y)
-        self.classifier.follow(x, y)
+        """The robot stands elsewhere when the next sweep is taken."""
+        self._motion.travel_m += math.hypot(x - self._motion.x_m, y - self._motion.y_m)
+        self._motion.x_m, self._motion.y_m = x, y
+
+    def take(self, sweep: Sweep) -> int:
+        """Take a sweep; how many returns it had."""
+        self.maps._geometry = self  # type: ignore[assignment]
+        self._sweep = sweep
+        returns = self.maps.add(NO_SCAN, self._motion, self._motion)  # type: ignore[arg-type]
+        self.t_s += SCAN_S
+        return returns
+
+    def cast(self, *_: object) -> Sweep:
+        """In place of the geometry's own."""
+        return self._sweep
+
+    def add(self, *points: Point, returns: bool = True) -> int:
+        """A sweep from the robot's lens to these places; how many returns it had."""
+        return self.take(sweep_to(list(points), (*self.place, LENS_M), self.t_s, returns))
+
+    def lay_floor(self, x: float, y: float, cells: int = 5) -> None:
+        """Floor about the cell at a place, line by line, as a scanner that drives on sees it."""
+        ahead = np.array(self.place) - (x, y)
+        points = sorted(floor_at(x, y, cells), key=lambda p: -float(np.dot(ahead, p[:2])))
+        lines = [points[k : k + 4 * cells] for k in range(0, len(points), 4 * cells)]
+        for line in [line for line in lines for _ in range(2)]:
+            self.add(*line)
 
     def state(self, x: float, y: float) -> int:
         """What the cell at a place means; the place must be in the window."""
@@ -102,9 +108,3 @@ class CellRig:
         assert 0 <= i - grid.corner_i < grid.size
         assert 0 <= j - grid.corner_j < grid.size
         return int(self.window.cells[j % grid.size, i % grid.size])
-
-    def cell(self, x: float, y: float) -> Any:
-        """The record (one element) of the cell at a place."""
-        i, j = self.cells.grid.cell_of(x, y)
-        size = self.cells.grid.size
-        return self.cells.cells[j % size, i % size]

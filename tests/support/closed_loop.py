@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from config_file import load_config
 from core.config import Config
-from core.mapping.beams.maps import BeamMaps
+from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene
@@ -65,18 +65,18 @@ def heights_of(loop: ClosedLoop) -> F64:
     return np.asarray(heights.reshape(grid.size + 2, grid.size + 2, -1))
 
 
-def told_heights(maps: BeamMaps) -> F64:
+def told_heights(maps: SurfaceMaps) -> F64:
     """The map's own heights of the window's cells, from its corner on."""
-    grid, source = maps.window.grid, maps.elevation.grid
-    mean = np.roll(maps.elevation.mean_m, (-source.corner_j, -source.corner_i), axis=(0, 1))
+    grid, source = maps.window.grid, maps.grid
+    heights_m = np.roll(maps.heights_m(), (-source.corner_j, -source.corner_i), axis=(0, 1))
     i, j = grid.corner_i - source.corner_i, grid.corner_j - source.corner_j
-    return mean[j : j + grid.size, i : i + grid.size]
+    return heights_m[j : j + grid.size, i : i + grid.size]
 
 
 def compare(loop: ClosedLoop) -> Comparison:
     """The app's maps now against the world; places in the map frame, which begins at the start."""
     maps = loop.app.mapper.maps
-    assert isinstance(maps, BeamMaps)
+    assert isinstance(maps, SurfaceMaps)
     grid, cells, heights = maps.window.grid, loop.map_now(), heights_of(loop)
     beyond = np.abs(heights) >= 0.10
     truth = np.where(beyond.all(-1), OBSTACLE, np.where(beyond.any(-1), UNKNOWN, FREE))

@@ -17,8 +17,8 @@ import pytest
 from config_file import load_config, with_changes
 from core.config import Config
 from core.geometry import q_from_rpy
-from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
+from core.mapping.surface.maps import SurfaceMaps
 from core.records import Attitude, Scan, WheelCounts
 from hw.lms1xx.options import Lms1xxOptions
 from jit import COMPILED
@@ -121,10 +121,10 @@ class Rig:
         self._attitudes = self._measured_attitudes(np.random.default_rng(seed))
 
     @property
-    def maps(self) -> BeamMaps:
-        """Those of method `beams`."""
+    def maps(self) -> SurfaceMaps:
+        """Those of method `surface`."""
         maps = self.mapper.maps
-        assert isinstance(maps, BeamMaps)
+        assert isinstance(maps, SurfaceMaps)
         return maps
 
     def drive(self) -> Iterator[float]:

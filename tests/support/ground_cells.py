@@ -30,7 +30,22 @@ FAR_M = 8.2  # where a level sweep meets the ground
 RISES = 0.06  # half the tilt of the scan plane
 NOISE_M2 = 1e-4  # of a return
 LIMITS = Limits(
-    0.10, -0.10, 1.30, 0.0, 0.087, 0.04**2, 0.04**2, math.inf, 0.0, NOISE_M2, FAR_M, RISES, 4, 4, 1
+    0.10,
+    -0.10,
+    1.30,
+    0.0,
+    0.087,
+    0.04**2,
+    0.04**2,
+    math.inf,
+    0.0,
+    NOISE_M2,
+    FAR_M,
+    True,
+    RISES,
+    4,
+    4,
+    1,
 )
 
 

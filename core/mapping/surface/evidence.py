@@ -27,7 +27,7 @@ from core.mapping.surface import cells
 from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2
-from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, level_of
 from core.records import F64
 from jit import Record, kernel
 
@@ -210,7 +210,7 @@ def _goes_on(at: int, one: Record, ray: F64, surface: Surface) -> bool:
 
     Not so near the seam of both that a face there has its returns on both sides of it.
     """
-    level, doubt = math.hypot(ray[0], ray[1]), GATE * math.sqrt(one.noise_m2)
+    level, doubt = level_of(ray), GATE * math.sqrt(one.noise_m2)
     dx, dy, seam = ray[0] / level, ray[1] / level, math.sqrt(2.0) * GATE * SIGMA_RANGE_M
     if cell_at(one.x_m - seam * dx, one.y_m - seam * dy, surface.ring) != at:
         return False

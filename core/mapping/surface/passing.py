@@ -45,7 +45,7 @@ def _leave(b: int, beams: Beams, surface: Surface) -> float:
     lens_z, rise = upright_line(lens, ray, surface)
     z = lens_z + r * rise
     if z - surface.now[0].wheels_m > surface.limits.h_neg_m or r < MIN_RANGE_M:
-        return r
+        return float(r)
     x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
     plane = reach(x, y, r, ray, surface)
     one.height_m, one.var_m2 = z - plane.z_m, plane.var_m2
@@ -53,7 +53,7 @@ def _leave(b: int, beams: Beams, surface: Surface) -> float:
     sigma = math.sqrt(one.var_m2 + one.wander_m2 + noise_m2(r, ray[2], beams.lens_m2))
     if one.height_m <= min(surface.limits.h_neg_m, -GATE * sigma):
         one.kind = sweep.BELOW
-    return r
+    return float(r)
 
 
 @kernel
@@ -65,7 +65,7 @@ def _pass_low(b: int, end: float, beams: Beams, surface: Surface) -> None:
         return  # nor is it low before
     is_below = one.kind == sweep.BELOW
     is_low = one.height_m <= -GATE * math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
-    step = cell_m / max(abs(ray[0]), abs(ray[1]))  # to the next row or column of cells
+    step = cell_m / max(abs(ray[0]), abs(ray[1]), 1e-9)  # to the next row or column of cells
     if is_below:
         step, last, r = 0.25 * step, -1, end
     else:

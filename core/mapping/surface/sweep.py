@@ -82,6 +82,12 @@ def upright_line(lens: F64, ray: F64, surface: Surface) -> tuple[float, float]:
 
 
 @kernel
+def level_of(ray: F64) -> float:
+    """How far a beam goes along the ground in a metre: also straight down not 0."""
+    return max(math.hypot(ray[0], ray[1]), 1e-9)
+
+
+@kernel
 def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surface) -> Plane:
     """Ground extended to a point of a beam from the nearest seen before (-1) or behind it (1)."""
     away, cell_m = THING_M, surface.ring.cell_m
@@ -222,7 +228,7 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
                 break
             if one.height_m >= 0.0:
                 break
-            r -= surface.ring.cell_m / math.hypot(ray[0], ray[1])
+            r -= surface.ring.cell_m / level_of(ray)
 
 
 @kernel
@@ -243,11 +249,11 @@ def agree(returns: Records, tied: int, limits: cells.Limits, bins: F64) -> None:
             if 0 <= k < BINS and one.height_m**2 < HIT * HIT * one.var_m2:
                 unsure += 1
                 bins[k] += 1.0
-    best, most = 0, 0.0
-    for k in range(BINS - WIDE):
-        total = bins[k : k + WIDE].sum()
+    best, most, total = 0, 0.0, 0.0  # of WIDE bins, the last of them k
+    for k in range(BINS):
+        total += bins[k] - (bins[k - WIDE] if k >= WIDE else 0.0)
         if total > most:
-            best, most = k, total
+            best, most = max(0, k - WIDE + 1), total
     if sure >= RARE * (sure + guessed) or most < WITNESSES or most < SHARE * unsure:
         return
     offset = (best + 0.5 * WIDE - BINS // 2) * edge

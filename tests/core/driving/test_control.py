@@ -19,7 +19,8 @@ from core.driving.control import (
     stop_reason,
 )
 from core.driving.stop_zone import NOTHING
-from core.mapping.beams.maps import BeamMaps
+from core.mapping.surface.cells import APART
+from core.mapping.surface.maps import SurfaceMaps
 from core.motion.odometry import Pose
 from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest
 from tests import ROOT
@@ -31,9 +32,9 @@ PERIOD_S = 0.005
 
 
 @functools.cache
-def blank_maps() -> BeamMaps:
+def blank_maps() -> SurfaceMaps:
     """Of the shipped settings: they cost more than most tests."""
-    return BeamMaps(load_config(SHIPPED))
+    return SurfaceMaps(load_config(SHIPPED))
 
 
 class Robot:
@@ -202,20 +203,20 @@ def test_a_robot_that_is_faster_than_it_was_told_stops_before_it_too(factor: flo
 @pytest.mark.parametrize(
     ("seen", "is_drop"),
     [
-        ({"mean_m": -0.3, "count": 5}, True),
-        ({"mean_m": 0.3, "count": 5, "above": 3}, False),
-        ({"mean_m": 0.0, "count": 9, "below": 2}, True),
-        ({"mean_m": 0.0, "count": 9, "below": 1, "above": 2}, False),
-        ({"count": 0, "miss": 2, "miss_bits": 0xFFFF}, True),
-        ({"count": 9, "miss": 2, "miss_sure": 2, "miss_bits": 0xFFFF, "floor_bits": 0x0FFF}, True),
-        ({"count": 9, "miss": 2, "miss_bits": 0xFFFF, "above": 2, "mean_m": 0.2}, False),
+        ({"under_m": -0.3}, True),
+        ({"under_m": -0.3, "looks": 5}, True),
+        ({"looks": 5, "tied": APART}, True),
+        ({"looks": 5, "stands": 3.0, "top_m": 0.3}, False),
+        ({"stands": 3.0, "top_m": 0.9}, False),
+        ({"stands": 3.0, "top_m": 0.9, "under_m": -0.05}, False),
+        ({}, False),
     ],
 )
 def test_a_drop_is_told_from_what_stands_up(seen: dict[str, float], is_drop: bool) -> None:
     robot = Robot()
     at = robot.mark(1.0, 0.1, OBSTACLE)
-    for name, value in seen.items():
-        robot.maps.cells.cells[name][at] = value
+    for name, value in {"var_m2": 1e-4, **seen}.items():
+        robot.maps.cells[name][at] = value
     asks = DriveRequest(0.5, 0.0, 1e9)
     assert robot.control.drop_ahead((0.5, 0.0), None, HERE, True) is is_drop
     assert robot.control.drop_ahead((0.0, 0.0), asks, HERE, True) is is_drop
@@ -377,7 +378,7 @@ def test_full_speed_is_that_on_the_same_arc(v: float, w: float, of: tuple[float,
 def test_a_drop_is_ahead_when_it_lies_within_the_way_to_a_stop_and_not_before() -> None:
     robot = Robot()
     at = robot.mark(1.1, 0.1, OBSTACLE)
-    robot.maps.cells.cells["below"][at] = 2
+    robot.maps.cells["var_m2"][at], robot.maps.cells["under_m"][at] = 1e-4, -0.3
     ahead_m = 1.0 - robot.config.robot.front_m - robot.config.robot.stop_margin_m
     for free_m, is_ahead in ((0.35, False), (0.15, True)):
         pose = Pose(0.0, ahead_m - free_m, 0.0, 0.0, 0.0, 0.0)

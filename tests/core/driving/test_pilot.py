@@ -1,5 +1,6 @@
 """What the pilot makes of a map and a request: stop zone, drops, wheel power, health."""
 
+import math
 from typing import Any
 
 import pytest
@@ -101,16 +102,16 @@ def test_the_stop_zone_is_worked_out_now_and_then_and_at_once_when_trust_goes() 
         assert robot.pilot.zone.state == state
 
 
-@pytest.mark.parametrize("below", [0, 3])
-def test_a_drop_ahead_is_told(below: int) -> None:
+@pytest.mark.parametrize("under_m", [math.inf, -0.3])
+def test_a_drop_ahead_is_told(under_m: float) -> None:
     robot = Robot()
     assert not robot.pilot.drop_ahead
     _, told = told_by(robot.mapper)
     robot.mark(0.9, 0.1)
-    cells: Any = robot.mapper.maps.cells.flat  # type: ignore[attr-defined]
-    cells["below"][:], cells["above"][:] = below, 0
+    cells: Any = robot.mapper.maps.cells  # type: ignore[attr-defined]
+    cells["var_m2"], cells["under_m"] = 1e-4, under_m
     robot.pilot.look_ahead(NOW_S, told, AHEAD)
-    assert robot.pilot.drop_ahead is (below > 0)
+    assert robot.pilot.drop_ahead is (under_m < 0.0)
 
 
 def test_wheels_get_power_only_where_nothing_speaks_against_it() -> None:

@@ -161,8 +161,8 @@ def test_a_drop_is_told_as_one() -> None:
     ground = Ground()
     ground.paint(0.85, 0.05, OBSTACLE)
     assert ground.report().causes == OBSTRUCTED
-    cell = ground.mapper.maps.cells.cells[0, 8]  # type: ignore[attr-defined]
-    cell["count"], cell["mean_m"] = 5, -0.3
+    cell = ground.mapper.maps.cells[0, 8]  # type: ignore[attr-defined]
+    cell["var_m2"], cell["under_m"] = 1e-4, -0.3
     assert ground.report().causes == OBSTRUCTED | DROP
 
 

@@ -13,11 +13,11 @@ from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.freshness import SWEEP_S, Freshness
 from core.records import FREE, OBSTACLE, UNKNOWN, StopZoneReport
-from tests.support.cell_rig import SCAN_S, CellRig, Point, floor_around, sweep_to
+from tests.support.cell_rig import SCAN_S, CellRig, Point, floor_at
 from tests.support.flat_ride import Ride, Rig, config_of, state_at
 from tests.support.flat_world import World
 
-HERE, AROUND = (2.1, 0.1), floor_around(2.1, 0.1)
+HERE = (2.1, 0.1)
 FOOTPRINT = (0.5, 0.25, 0.25)  # ahead, behind, to either side
 
 
@@ -65,17 +65,15 @@ def test_the_farthest_corners_of_a_long_robot_count(footprint: tuple[float, floa
     assert np.sum(np.isfinite(fresh.seen_s)) == (20 if footprint[2] > 1.0 else 12)
 
 
-def test_a_beam_that_leaves_the_window_says_nothing_of_the_cells_that_lie_across() -> None:
+def test_a_beam_that_leaves_the_map_says_nothing_of_the_cells_that_lie_across() -> None:
     rig = CellRig(11, 11)
-    rig.x, rig.t_s, rig.fresh.seen_s[:] = 99.0, 1.0, 0.0
-    rig.add((3.1, 0.1, 0.0))
-    seen = {
-        (i, j)
-        for i in range(-5, 6)
-        for j in range(-5, 6)
-        if rig.fresh.seen_s[j % 11 * 11 + i % 11] == 1.0
-    }
-    assert {(4, 0), (5, 0)} <= seen <= {(i, 0) for i in range(6)}
+    seen_s = rig.maps.fresh.seen_s
+    seen_s[:], rig.t_s = -1.0, 1.0
+    for _ in range(2):  # each beam is looked at in every other scan
+        rig.add((3.1, 0.1, 0.0))
+    seen = {(i, j) for i in range(-5, 6) for j in range(-5, 6) if seen_s[j % 11 * 11 + i % 11] > 0}
+    footprint = {(i, j) for i in range(-3, 4) for j in range(-2, 2)}
+    assert {(4, 0), (5, 0)} <= seen <= {(i, 0) for i in range(6)} | footprint
 
 
 AGES = st.lists(st.sampled_from([0.0, 1.0, 2.0]), min_size=81, max_size=81)
@@ -145,7 +143,7 @@ def rest(rig: CellRig, seconds: float, *points: Point) -> None:
 def free_rig(max_age_s: float = 1.5, window: int = 41, here: tuple[float, float] = HERE) -> CellRig:
     """Floor that is free at a place, and around."""
     rig = CellRig(window=window, free_max_age_s=max_age_s)
-    rest(rig, 1.1, (*here, 0.0), *floor_around(*here))
+    rig.lay_floor(*here)
     assert rig.state(*here) == FREE
     return rig
 
@@ -163,43 +161,43 @@ def test_free_lasts_as_long_as_the_settings_say_and_comes_back_when_floor_is_met
     changed = rig.window.take_changed()
     assert len(changed) >= 9
     assert (rig.window.cells.ravel()[changed] == UNKNOWN).all()
-    rig.add((*HERE, 0.0))
+    rig.add(*floor_at(*HERE, 1))
     assert rig.state(*HERE) == FREE
     assert rig.state(HERE[0] + 0.2, HERE[1]) == UNKNOWN
 
 
 def test_a_neighbour_that_is_met_does_not_make_old_ground_free_again() -> None:
     rig = free_rig()
-    rest(rig, 1.7 + SWEEP_S, *AROUND[:3])  # which has decided its neighbours anew each time
+    rest(rig, 1.7 + SWEEP_S, *floor_at(HERE[0], HERE[1] + 0.2, 1))
+    assert rig.state(HERE[0], HERE[1] + 0.2) == FREE
     assert rig.state(*HERE) == UNKNOWN
 
 
 @pytest.mark.parametrize(("falls", "state"), [(True, FREE), (False, UNKNOWN)])
 def test_beams_that_pass_over_on_their_way_down_keep_ground_free(falls: bool, state: int) -> None:
     rig = free_rig()
-    over: Point = (3.9, 0.1, 0.5 if falls else 1.2)
+    over: Point = (3.9, 0.1, 0.05 if falls else 1.2)
     rest(rig, 3.0, *[over] * 3)
     assert rig.state(*HERE) == state
 
 
 def test_beams_that_pass_over_too_late_or_that_never_come_back_do_not() -> None:
-    rig = free_rig()
+    rig, over = free_rig(), [(3.9, 0.1, 0.05)] * 3
     for _ in range(round(3.0 / SCAN_S)):
-        rig.add_silent(*[(3.9, 0.1, 0.5)] * 3)
+        rig.add(*over, returns=False)
     assert rig.state(*HERE) == UNKNOWN
-    rest(rig, 0.5, *[(3.9, 0.1, 0.5)] * 3)
+    rest(rig, 0.5, *over)
     assert rig.state(*HERE) == UNKNOWN
 
 
 @pytest.mark.parametrize("here", [HERE, (-2.1, -1.1)])
 def test_under_the_robot_nothing_comes_in(here: tuple[float, float]) -> None:
     rig = free_rig(here=here)
-    rig.x, rig.y = here
+    rig.follow(*here)
     rest(rig, 3.0)
     assert rig.state(*here) == FREE
     assert rig.state(here[0], here[1] + 0.2) == FREE
-    assert rig.state(here[0] - 0.4, here[1]) == UNKNOWN  # its middle lies behind the footprint
-    rig.x = -20.0  # it has gone
+    rig.follow(here[0] + 1.5, here[1])  # it has gone
     rest(rig, 1.7 + SWEEP_S)
     assert rig.state(*here) == UNKNOWN
 
@@ -213,22 +211,20 @@ def test_after_a_pause_all_of_the_window_is_looked_at_once() -> None:
 
 def test_an_obstacle_does_not_age() -> None:
     rig = CellRig(free_max_age_s=1.0)
-    rest(rig, 0.2, (2.1, 0.1, 0.5))
-    before = rig.window.cells.copy()
+    rest(rig, 0.4, *floor_at(1.5, 0.1, 5))
+    rest(rig, 0.4, *floor_at(1.5, 0.1, 5), *[(2.1, 0.1, 0.05 * k) for k in range(6, 12)])
+    assert rig.state(2.1, 0.1) == OBSTACLE
     rest(rig, 2.5)
-    rig.take(sweep_to([(3.0, 1.0, 0.0)], t_s=rig.t_s))
-    np.testing.assert_array_equal(before, rig.window.cells)
+    assert rig.state(2.1, 0.1) == OBSTACLE
 
 
 def test_old_ground_that_comes_into_a_smaller_window_is_unknown() -> None:
     rig = free_rig(max_age_s=60.0, window=21)
-    rig.follow(-2.0, 0.0)
-    rig.t_s += 50.0
-    rest(rig, 0.04)
-    rig.follow(0.0, 0.0)
-    assert rig.state(*HERE) == FREE
-    rig.follow(-2.0, 0.0)
-    rig.t_s += 20.0
-    rest(rig, 0.04)
-    rig.follow(0.0, 0.0)
-    assert rig.state(*HERE) == UNKNOWN
+    for pause_s, state in ((50.0, FREE), (20.0, UNKNOWN)):
+        rig.follow(-2.0, 0.0)
+        rig.add()
+        rig.t_s += pause_s
+        rig.add()
+        rig.follow(0.0, 0.0)
+        rig.add()
+        assert rig.state(*HERE) == state

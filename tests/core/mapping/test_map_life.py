@@ -11,13 +11,15 @@ from core.mapping.freshness import SWEEP_S
 from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cases import examples
-from tests.support.cell_rig import CELL_M, FOOTPRINT, HEIGHT_M, CellRig, Point, sweep_to
+from tests.support.cell_rig import LENS_M, SCAN_S, CellRig, Point, sweep_to
+from tests.support.shipped import shipped
 
 MAX_AGE_S = 4.0
 SIZE, WINDOW = 31, 21
-LENS_M = 1.08
+ROBOT = shipped().robot
+REACH_M = math.hypot(max(ROBOT.front_m, ROBOT.rear_m), ROBOT.width_m / 2)  # of its footprint
 PLACES = st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
-HEIGHTS = st.sampled_from([0.0, 0.0, 0.0, 0.01, 0.15, 0.6, -0.05, -0.3, HEIGHT_M + 0.2])
+HEIGHTS = st.sampled_from([0.0, 0.0, 0.0, 0.01, 0.15, 0.6, -0.05, -0.3, ROBOT.height_m + 0.2])
 
 
 class MapLife(RuleBasedStateMachine):
@@ -25,7 +27,7 @@ class MapLife(RuleBasedStateMachine):
 
     @initialize(window=st.sampled_from([WINDOW, SIZE]))
     def begin(self, window: int) -> None:
-        self.rig = CellRig(SIZE, window, free_max_age_s=MAX_AGE_S)
+        self.rig = CellRig(SIZE, window, MAX_AGE_S)
         self.met_s: dict[tuple[int, int], float] = {}  # newest return that fell into a cell
         self.watched_s: dict[tuple[int, int], float] = {}  # a beam ended in, or passed over it
 
@@ -37,65 +39,73 @@ class MapLife(RuleBasedStateMachine):
             if not r >= 0.15:
                 continue
             x, y, _ = origin + r * ray
-            at = rig.cells.grid.cell_of(x, y)
+            at = rig.grid.cell_of(x, y)
             self.met_s[at] = self.watched_s[at] = sweep.t_s
             for share in np.arange(0.0, r, 0.04):
                 x, y, _ = origin + share * ray
-                self.watched_s[rig.cells.grid.cell_of(x, y)] = sweep.t_s
-        reach = math.hypot(FOOTPRINT[0], FOOTPRINT[2])
-        for dx in np.arange(-reach, reach, 0.1):
-            for dy in np.arange(-reach, reach, 0.1):
-                self.watched_s[rig.cells.grid.cell_of(rig.x + dx, rig.y + dy)] = sweep.t_s
+                self.watched_s[rig.grid.cell_of(x, y)] = sweep.t_s
+        for dx in np.arange(-REACH_M, REACH_M, 0.1):
+            for dy in np.arange(-REACH_M, REACH_M, 0.1):
+                x, y = rig.place
+                self.watched_s[rig.grid.cell_of(x + dx, y + dy)] = sweep.t_s
 
     def _forget_outside(self) -> None:
-        grid = self.rig.cells.grid
+        grid = self.rig.grid
         for i, j in list(self.met_s):
             if not (0 <= i - grid.corner_i < grid.size and 0 <= j - grid.corner_j < grid.size):
                 del self.met_s[i, j]
+
+    def _sweep(self, places: list[Point], returns: bool = True) -> None:
+        """A sweep to places that are told from where the robot stands."""
+        (x, y), t_s = self.rig.place, self.rig.t_s
+        points = [(x + dx, y + dy, z) for dx, dy, z in places]
+        self._take(sweep_to(points, (x, y, LENS_M), t_s, returns))
 
     @rule(
         places=st.lists(st.tuples(PLACES, HEIGHTS), min_size=1, max_size=6), times=st.integers(1, 9)
     )
     def see(self, places: list[tuple[tuple[float, float], float]], times: int) -> None:
-        rig = self.rig
-        points: list[Point] = [(rig.x + x, rig.y + y, z) for (x, y), z in places]
         for _ in range(times):
-            self._take(sweep_to(points, (rig.x, rig.y, LENS_M), rig.t_s))
+            self._sweep([(*place, z) for place, z in places])
 
-    @rule(place=PLACES, scans=st.integers(1, 30))
-    def sweep_floor(self, place: tuple[float, float], scans: int) -> None:
-        """A patch of floor of four by four cells, again and again."""
-        rig = self.rig
-        x, y, steps = rig.x + place[0], rig.y + place[1], CELL_M * np.arange(4)
-        points: list[Point] = [(x + dx, y + dy, 0.0) for dx in steps for dy in steps]
-        for _ in range(scans):
-            self._take(sweep_to(points, (rig.x, rig.y, LENS_M), rig.t_s))
+    @rule(place=PLACES, rows=st.integers(1, 20))
+    def sweep_floor(self, place: tuple[float, float], rows: int) -> None:
+        """A strip of floor, five cells wide, line by line away from the robot."""
+        far_m = math.hypot(*place) or 1.0
+        ahead = place[0] / far_m, place[1] / far_m
+        for row in range(rows):
+            along = far_m + 0.05 * row
+            line = [
+                (
+                    along * ahead[0] - 0.05 * k * ahead[1],
+                    along * ahead[1] + 0.05 * k * ahead[0],
+                    0.0,
+                )
+                for k in range(-10, 10)
+            ]
+            self._sweep(line)
 
     @rule(places=st.lists(PLACES, min_size=3, max_size=6))
     def lose(self, places: list[tuple[float, float]]) -> None:
         """A scan of beams that never come back."""
-        rig = self.rig
-        points: list[Point] = [(rig.x + x, rig.y + y, 0.0) for x, y in places]
-        sweep = sweep_to(points, (rig.x, rig.y, LENS_M), rig.t_s)
-        silent = np.full_like(sweep.ranges_m, np.nan)
-        self._take(Sweep(sweep.t_s, sweep.origins, sweep.rays, silent))
+        self._sweep([(*place, 0.0) for place in places], returns=False)
 
     @rule(seconds=st.floats(0.0, 2 * MAX_AGE_S))
     def wait(self, seconds: float) -> None:
         """The scanner is silent; then a scan that shows nothing."""
         self.rig.t_s += seconds
-        self._take(sweep_to([], t_s=self.rig.t_s))
+        self._sweep([])
 
     @rule(dx=st.floats(-2.0, 2.0), dy=st.floats(-2.0, 2.0))
     def move(self, dx: float, dy: float) -> None:
-        self.rig.follow(self.rig.x + dx, self.rig.y + dy)
-        self._forget_outside()
+        x, y = self.rig.place
+        self.rig.follow(x + dx, y + dy)
+        self._sweep([])
 
     @rule()
     def erase(self) -> None:
         """The pose was lost."""
-        self.rig.cells.grid.erase()
-        self.rig.window.erase()
+        self.rig.maps.erase()
         self.met_s.clear()
 
     @invariant()
@@ -109,7 +119,7 @@ class MapLife(RuleBasedStateMachine):
             at = int(i), int(j)
             assert at in self.met_s, f"{at} is free, and no beam ever met it"
             age_s = rig.t_s - self.watched_s[at]
-            assert age_s <= MAX_AGE_S + SWEEP_S + 2 * rig.period_s, f"{at} was seen {age_s} s ago"
+            assert age_s <= MAX_AGE_S + SWEEP_S + 2 * SCAN_S, f"{at} was seen {age_s} s ago"
 
     @invariant()
     def states_are_states_and_changes_are_told_once(self) -> None:
@@ -129,7 +139,7 @@ def test_a_life_has_free_ground() -> None:
     """Else the above would prove nothing."""
     life = MapLife()
     life.begin(WINDOW)
-    life.sweep_floor((1.0, 1.0), 30)
+    life.sweep_floor((1.5, 1.0), 20)
     assert (life.rig.window.cells == FREE).sum() >= 4
     life.free_is_what_a_beam_met_and_nothing_came_in_since()
     life.wait(2 * MAX_AGE_S)

@@ -7,16 +7,16 @@ import pytest
 from msgspec.structs import replace
 
 from config_file import load_config, with_changes
-from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import WAIT_S, WAITING, Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
+from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, PointSweep, Scan, WheelCounts
 from tests import ROOT
 from tests.core.mapping.test_rays import scan_of
 from tests.core.motion.test_attitude import attitude
-from tests.support.cell_rig import NEW_LOOKS
 
 CONFIG = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+LOOKS = 6  # scans, after which what stands and what is free is known
 
 
 def wall_and_floor(t_s: float, wall_m: float = 5.0) -> Scan:
@@ -46,7 +46,7 @@ def state(mapper: Mapper, x: float, y: float) -> int:
 
 def test_floor_is_free_a_wall_is_an_obstacle_and_the_rest_unknown() -> None:
     mapper = standing(1.0)
-    for k in range(NEW_LOOKS):
+    for k in range(LOOKS):
         mapper.add_scan(wall_and_floor(0.3 + 0.02 * k))
         assert mapper.settle(1.0) == 1
     assert state(mapper, 5.25, 0.1) == OBSTACLE
@@ -56,7 +56,7 @@ def test_floor_is_free_a_wall_is_an_obstacle_and_the_rest_unknown() -> None:
 
 
 def test_the_settings_name_the_method() -> None:
-    for method, kind in (("beams", BeamMaps), ("reference_plane", ReferencePlaneMaps)):
+    for method, kind in (("surface", SurfaceMaps), ("reference_plane", ReferencePlaneMaps)):
         mapper = Mapper(with_changes(CONFIG, map={"method": method}))
         assert isinstance(mapper.maps, kind)
         assert not mapper.window(True).cells.any()
@@ -117,7 +117,7 @@ def test_what_no_scanner_may_deliver_is_refused_before_any_kernel_walks_it() -> 
 
 def test_a_scan_given_as_a_sweep_of_points_makes_the_same_map() -> None:
     mappers = standing(1.0), standing(1.0)
-    for k in range(NEW_LOOKS):
+    for k in range(LOOKS):
         scan = wall_and_floor(0.3 + 0.02 * k)
         bearings = scan.first_rad + scan.step_rad * np.arange(481)
         rays = np.stack([np.cos(bearings), np.sin(bearings), np.zeros(481)], axis=1)

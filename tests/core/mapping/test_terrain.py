@@ -1,6 +1,7 @@
 """Slope, step and roughness against least squares done plainly; layers against their cells."""
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -8,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
-from core.mapping.beams.cells import CellGrid
-from core.mapping.beams.classifier import SOFT_LEAST
-from core.mapping.layers import UNITS, LayerView, maybe_beams_layer
-from core.mapping.terrain import F32, JUDGED
+from core.mapping.layers import UNITS, maybe_surface_ring, view_of
+from core.mapping.surface.cells import BLANK, CELL, Cells
+from core.mapping.surface.constants import LIKELY
+from core.mapping.terrain import around, terrain_of
 from core.records import OBSTACLE
 from tests.support.cases import examples
 
@@ -25,32 +27,46 @@ HEIGHTS = st.dictionaries(
 )
 
 
-def put(cells: CellGrid, i: int, j: int, z_m: float, relief_m: float = 0.0) -> int:
-    """Let a world cell have a height; its flat index."""
-    at = (j % cells.grid.size) * cells.grid.size + i % cells.grid.size
-    cell = cells.flat[at]
-    cell["count"], cell["z_m"] = 10, z_m
-    cell["z_low_m"], cell["z_high_m"] = z_m - 0.5 * relief_m, z_m + 0.5 * relief_m
-    return at
+class Ground:
+    """Cells of a ring whose heights are put in by hand."""
+
+    def __init__(self) -> None:
+        self.grid, self.window = RingGrid(SIZE, CELL_M), ObstacleWindow(5, CELL_M)
+        self.cells: Cells = self.grid.layer(CELL, BLANK)
+
+    def put(self, i: int, j: int, z_m: float, relief_m: float = 0.0, **fields: float) -> Any:
+        """Something that ends at a height, and stands so high over its ground; its record."""
+        cell = self.cells[j % SIZE, i % SIZE]
+        for name, value in {"ground_m": z_m - relief_m, "looks": 1, **fields}.items():
+            cell[name] = value
+        if relief_m > 0.0:
+            cell["stands"], cell["top_m"] = 1.0, relief_m
+        return cell
+
+    def ring(self, name: str) -> F64:
+        """A layer (SIZE, SIZE), a ring as the cells."""
+        found = maybe_surface_ring(name, self.cells, np.zeros(2), self.grid, self.window)
+        assert found is not None
+        return np.asarray(found[1])
+
+    def judged(self) -> F64:
+        """Slope by the plane through the neighbours, step and roughness: (3, SIZE, SIZE)."""
+        near, z_m = around(self.grid, np.arange(self.cells.size)), self.ring("z").reshape(-1)
+        relief_m = CELL_M * (np.abs(self.cells["slope_x"]) + np.abs(self.cells["slope_y"]))
+        relief_m += np.where(self.cells["stands"] > 0.0, self.cells["top_m"], 0.0)
+        z_m = np.where(near >= 0, z_m[near], np.nan)
+        return terrain_of(z_m, relief_m.reshape(-1), CELL_M).reshape(3, SIZE, SIZE).astype(float)
 
 
-def surface(slope_x: float, slope_y: float) -> CellGrid:
-    """A plane that fills the window, each cell with the relief that its slope makes."""
-    cells = CellGrid(SIZE, CELL_M)
-    relief_m = CELL_M * (abs(slope_x) + abs(slope_y))
-    corner = cells.grid.corner_i
+def surface(slope_x: float, slope_y: float) -> Ground:
+    """A plane that fills the window."""
+    ground = Ground()
+    corner = ground.grid.corner_i
     for i in range(corner, corner + SIZE):
         for j in range(corner, corner + SIZE):
-            put(cells, i, j, CELL_M * (slope_x * i + slope_y * j), relief_m)
-    return cells
-
-
-def judged(cells: CellGrid) -> F32:
-    """Slope, step and roughness of every cell: (3, SIZE, SIZE), a ring as the cells."""
-    window = ObstacleWindow(SIZE, CELL_M)
-    views = [maybe_beams_layer(name, cells, window) for name in JUDGED]
-    shift = cells.grid.corner_j % SIZE, cells.grid.corner_i % SIZE
-    return np.array([np.roll(view.values, shift, (0, 1)) for view in views if view is not None])
+            z_m = CELL_M * (slope_x * i + slope_y * j)
+            ground.put(i, j, z_m, slope_x=slope_x, slope_y=slope_y)
+    return ground
 
 
 def plain(known: dict[tuple[int, int], tuple[float, float]], i: int, j: int) -> list[float]:
@@ -79,19 +95,16 @@ def plain(known: dict[tuple[int, int], tuple[float, float]], i: int, j: int) -> 
 def test_each_known_cell_is_judged_as_least_squares_by_the_book_judge_it(
     heights: dict[tuple[int, int], tuple[float, float]], x_cells: int, y_cells: int
 ) -> None:
-    cells = CellGrid(SIZE, CELL_M)
-    cells.grid.follow(x_cells * CELL_M, y_cells * CELL_M)
-    corner = cells.grid.corner_i, cells.grid.corner_j
-    for (i, j), (z_m, relief_m) in heights.items():
-        put(cells, corner[0] + i, corner[1] + j, z_m, relief_m)
-    window = ObstacleWindow(SIZE, CELL_M)
+    ground = Ground()
+    ground.grid.follow(x_cells * CELL_M, y_cells * CELL_M)
+    low_i, low_j = ground.grid.corner_i, ground.grid.corner_j
     expected = np.full((3, SIZE, SIZE), np.nan)
-    for i, j in heights:
-        expected[:, j, i] = plain(heights, i, j)
-    for name, values in zip(("slope", "step", "roughness"), expected, strict=True):
-        view = maybe_beams_layer(name, cells, window)
-        assert view is not None
-        np.testing.assert_allclose(view.values, values, atol=2e-6)
+    for (i, j), (z_m, relief_m) in heights.items():
+        ground.put(low_i + i, low_j + j, z_m, relief_m)
+        expected[:, (low_j + j) % SIZE, (low_i + i) % SIZE] = plain(heights, i, j)
+    np.testing.assert_allclose(ground.judged(), expected, atol=2e-6)
+    for k, name in ((1, "step"), (2, "roughness")):
+        np.testing.assert_allclose(ground.ring(name), expected[k], atol=2e-6)
 
 
 @pytest.mark.parametrize(
@@ -99,58 +112,55 @@ def test_each_known_cell_is_judged_as_least_squares_by_the_book_judge_it(
 )
 def test_a_smooth_ramp_has_its_slope_and_no_roughness(slope_deg: float, heading_deg: float) -> None:
     rise, heading = math.tan(math.radians(slope_deg)), math.radians(heading_deg)
-    slopes_rad, _, roughness_m = judged(surface(rise * math.cos(heading), rise * math.sin(heading)))
+    ground = surface(rise * math.cos(heading), rise * math.sin(heading))
+    slopes_rad, _, roughness_m = ground.judged()
     np.testing.assert_allclose(np.degrees(slopes_rad), slope_deg, atol=1e-4)
+    np.testing.assert_allclose(np.degrees(ground.ring("slope")), slope_deg, atol=1e-4)
     np.testing.assert_allclose(roughness_m, 0.0, atol=1e-6)
 
 
 def test_a_change_reaches_the_neighbours_and_what_is_forgotten_is_unknown_again() -> None:
-    cells = surface(0.0, 0.0)
-    middle = put(cells, 0, 0, 0.3)
-    assert middle == 0
-    _, steps_m, roughness_m = judged(cells)
-    around = np.ix_([-1, 0, 1], [-1, 0, 1])
-    np.testing.assert_allclose(steps_m[around], 0.3, atol=1e-6)
-    assert (roughness_m[around] > 0.05).all()
+    ground = surface(0.0, 0.0)
+    middle = ground.put(0, 0, 0.3, 0.3)
+    _, steps_m, roughness_m = ground.judged()
+    beside = np.ix_([-1, 0, 1], [-1, 0, 1])
+    np.testing.assert_allclose(steps_m[beside], 0.3, atol=1e-6)
+    assert (roughness_m[beside] > 0.05).all()
     assert np.count_nonzero(steps_m) == 9
-    cells.flat[middle]["count"] = 0
-    assert np.isnan(judged(cells)[:, 0, 0]).all()
+    middle["looks"], middle["stands"] = 0, 0.0
+    assert np.isnan(ground.judged()[:, 0, 0]).all()
 
 
 def test_what_enters_the_window_is_not_known_and_an_erased_map_has_nothing() -> None:
-    cells = surface(0.1, 0.0)
-    cells.grid.follow(4 * CELL_M, 0.0)
-    assert np.isnan(judged(cells)[0]).sum() == 4 * SIZE
-    cells.grid.erase()
-    assert np.isnan(judged(cells)).all()
-
-
-def views_of(cells: CellGrid, window: ObstacleWindow) -> dict[str, LayerView]:
-    views = {name: maybe_beams_layer(name, cells, window) for name in UNITS}
-    return {name: view for name, view in views.items() if view is not None}
+    ground = surface(0.1, 0.0)
+    ground.grid.follow(4 * CELL_M, 0.0)
+    assert np.isnan(ground.judged()[0]).sum() == 4 * SIZE
+    ground.grid.erase()
+    assert np.isnan(ground.judged()).all()
 
 
 def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
-    cells, window = CellGrid(SIZE, CELL_M), ObstacleWindow(5, CELL_M)
-    for grid in (cells.grid, window.grid):
-        grid.follow(3.0, -2.0)
-    i, j = cells.grid.cell_of(3.1, -2.1)
-    at = put(cells, i, j, 0.4, 0.1)
-    cells.flat[at]["mean_m"], cells.flat[at]["var_m2"] = 0.3, 0.01
-    cells.flat[at]["soft"] = cells.flat[at]["doubles"] = SOFT_LEAST
+    ground = Ground()
+    grid, window = ground.grid, ground.window
+    for ring in (grid, window.grid):
+        ring.follow(3.0, -2.0)
+    i, j = grid.cell_of(3.1, -2.1)
+    cell = ground.put(i, j, 0.4, 0.1, var_m2=0.01, soft=LIKELY)
     ring_at = np.array([(j % 5) * 5 + i % 5], dtype=np.int32)
     window.put(ring_at, np.array([OBSTACLE], dtype=np.int8))
-    expected = {"height": 0.3, "variance": 0.01, "z": 0.4, "step": 0.1, "soft": 1, "state": 1}
-    views = views_of(cells, window)
-    assert views.keys() == UNITS.keys()
-    for name, value in expected.items():
-        view = views[name]
+    expected = {"height": 0.1, "variance": 0.01, "z": 0.4, "step": 0.1, "soft": 1, "state": 1}
+    for name in UNITS:
+        found = maybe_surface_ring(name, ground.cells, np.zeros(2), grid, window)
+        assert found is not None
+        view = view_of(name, *found)
         assert view.name == name
         assert view.values.dtype == np.float32
-        assert view.values[j - view.corner_j, i - view.corner_i] == pytest.approx(value, abs=1e-6)
-        assert np.isnan(view.values).sum() == view.values.size - 1
+        if name in expected:
+            here = view.values[j - view.corner_j, i - view.corner_i]
+            assert here == pytest.approx(expected[name], abs=1e-6)
+            assert np.isnan(view.values).sum() == view.values.size - 1
         view.values[...] = 7.0  # it is a copy
-    assert (cells.cells["mean_m"] != 0.0).sum() == window.cells.sum() == 1
-    cells.flat[at]["soft"] = 0
-    assert np.nanmax(views_of(cells, window)["soft"].values) == 0
-    assert maybe_beams_layer("colour", cells, window) is None
+    assert (np.isfinite(ground.cells["var_m2"])).sum() == window.cells.sum() == 1
+    cell["soft"] = 0.0
+    assert np.nanmax(ground.ring("soft")) == 0
+    assert maybe_surface_ring("colour", ground.cells, np.zeros(2), grid, window) is None

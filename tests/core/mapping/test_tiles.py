@@ -19,11 +19,11 @@ LAYERS = ("state", "height", "variance", "slope", "z")
 F32 = npt.NDArray[np.float32]
 
 
-@pytest.fixture(scope="module", params=["beams", "reference_plane"])
+@pytest.fixture(scope="module", params=["surface", "reference_plane"])
 def driven(request: pytest.FixtureRequest) -> ClosedLoop:
     shipped = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
     loop = ClosedLoop(with_changes(shipped, map={"method": request.param}))
-    loop.run(4.0)
+    loop.run(6.0)
     return loop
 
 
@@ -85,7 +85,8 @@ def test_what_is_not_trusted_tells_of_obstacles_alone(driven: ClosedLoop) -> Non
         held = tiles.values(layer, *rectangle)
         if held is not None:
             assert np.isnan(held[states != OBSTACLE]).all()
-            assert not np.isnan(held[states == OBSTACLE]).all()
+            if layer != "slope":  # the ground under what stands was not seen
+                assert not np.isnan(held[states == OBSTACLE]).all()
     causes, ages = tiles.values("cause", *rectangle), tiles.values("age", *rectangle)
     assert causes is not None
     assert ages is not None

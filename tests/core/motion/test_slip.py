@@ -15,18 +15,16 @@ SHELVES: tuple[Solid, ...] = tuple(
 )
 
 
-@pytest.mark.parametrize("method", ["beams", "surface"])
 @pytest.mark.parametrize(
     ("slip", "v_mps", "off_m"),
     few([(0.15, 0.8, 0.45), (-0.1, 0.8, 0.45), (0.0, 0.5, 0.01), (0.15, 0.4, 0.45)], 2),
 )
 def test_two_thirds_of_a_slip_towards_upright_faces_are_corrected(
-    slip: float, v_mps: float, off_m: float, method: str
+    slip: float, v_mps: float, off_m: float
 ) -> None:
     """15 % of 8 m are 1.2 m, of which the first 0.2 m come before any face is known."""
     ride = Ride(v_mps=v_mps, slip=slip)
-    config = config_of(map={"method": method})
-    rig = Rig(config, World(solids=SHELVES), ride, 8.0 / v_mps).run()
+    rig = Rig(config_of(), World(solids=SHELVES), ride, 8.0 / v_mps).run()
     assert rig.path.wheels(rig.now_s)[0] == pytest.approx(8.0 * (1.0 + slip), abs=0.1)
     assert abs(float(rig.mapper.odometry.xy_at(rig.now_s)[0]) - rig.place()[0]) < off_m
 

@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from config_file import with_changes
 from core.mapping.mapper import Mapper
 from core.records import OBSTACLE
-from core.saved.check import KEPT, VERSION, check_state
+from core.saved.check import VERSION, check_state
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
 from core.saved.state import restore
+from core.saved.surface import KEPT
 from tests.core.saved.test_state import LATER_S, METHODS, SHIPPED, STATE, config_of, saved, states
 from tests.support.cases import examples
 
-DATA = bytes_from_arrays(STATE["beams"])
+DATA = bytes_from_arrays(STATE["surface"])
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -30,13 +31,13 @@ def test_a_state_survives_its_file_bit_by_bit(method: str) -> None:
         assert read[name].dtype == array.dtype
         np.testing.assert_array_equal(read[name], array)
     check_state(read, config_of(method))
-    assert method != "beams" or {f"cells.{name}" for name in KEPT} <= read.keys()
+    assert method != "surface" or {f"cells.{name}" for name in KEPT} <= read.keys()
 
 
 def test_the_file_is_an_npz_without_pickles_and_the_same_state_gives_the_same_bytes() -> None:
     with np.load(io.BytesIO(DATA), allow_pickle=False) as archive:
         assert archive["version"] == VERSION
-        np.testing.assert_array_equal(archive["pose"], STATE["beams"]["pose"])
+        np.testing.assert_array_equal(archive["pose"], STATE["surface"]["pose"])
     assert bytes_from_arrays(saved()) == DATA
 
 
@@ -99,39 +100,29 @@ def put(index: Any, value: float) -> Any:
 
 NEW = np.array(VERSION + 1, dtype=np.int64)
 WRONG: list[tuple[str, dict[str, Any], str]] = [
-    ("beams", {"format": np.array("something else")}, "no saved map"),
-    ("beams", {"format": None}, "no saved map"),
-    ("beams", {"version": NEW}, "newer version"),
-    ("beams", {"version": np.array(0, dtype=np.int64)}, "another version"),
-    ("beams", {"version": np.array(1.0)}, "version"),
-    ("beams", {"settings": None}, "settings"),
-    ("beams", {"settings": lambda old: old[:-1]}, "settings"),
-    ("beams", {"pose": None}, "pose: is missing"),
-    ("beams", {"pose": put(0, math.nan)}, "pose"),
-    ("beams", {"pose": put(3, math.inf)}, "pose"),
-    ("beams", {"pose": np.zeros(3)}, "pose: must have the shape"),
-    ("beams", {"pose": np.zeros(4, dtype=np.float32)}, "pose: must be of type"),
-    ("beams", {"travel_m": np.array(math.nan)}, "travel_m"),
-    ("beams", {"motion": put(0, math.nan)}, "motion"),
-    ("beams", {"window__cells": put((3, 3), 2)}, "window.cells"),
-    ("beams", {"window__cells": np.zeros((100, 101), np.int8)}, "window.cells: must have"),
-    ("beams", {"window__corner": put(0, 2**40)}, "window.corner"),
-    ("beams", {"window__epoch": np.array(-1)}, "window.epoch"),
-    ("beams", {"extra": np.zeros(1)}, "does not know: extra"),
-    ("beams", {"cells__at": put(0, -1)}, "cells.at"),
-    ("beams", {"cells__at": put(-1, 101 * 101)}, "cells.at"),
-    ("beams", {"cells__at": lambda old: old[::-1].copy()}, "out of order"),
-    ("beams", {"cells__mean_m": put(0, math.nan)}, "cells.mean_m"),
-    ("beams", {"cells__mean_m": None}, "cells.mean_m: is missing"),
-    ("beams", {"cells__mean_m": lambda old: old[:-1]}, "cells.mean_m: has"),
-    ("beams", {"cells__var_m2": put(0, -1e-3)}, "cells.var_m2"),
-    ("beams", {"cells__low_m": put(0, math.nan)}, "cells.low_m"),
-    ("beams", {"cells__count": put(0, -1)}, "cells.count"),
-    ("beams", {"cells__hit_scan": put(0, 10**6)}, "cells.hit_scan"),
-    ("beams", {"cells__z_low_m": lambda old: old + 10.0}, "z_low_m: lies above"),
-    ("beams", {"cells__scan": np.array(-1)}, "cells.scan"),
-    ("beams", {"ground__line": put((0, 0), math.inf)}, "ground.line"),
-    ("beams", {"ground__line": np.zeros((2, 6))}, "ground.line: there can be one"),
+    ("surface", {"format": np.array("something else")}, "no saved map"),
+    ("surface", {"format": None}, "no saved map"),
+    ("surface", {"version": NEW}, "newer version"),
+    ("surface", {"version": np.array(0, dtype=np.int64)}, "another version"),
+    ("surface", {"version": np.array(1.0)}, "version"),
+    ("surface", {"settings": None}, "settings"),
+    ("surface", {"settings": lambda old: old[:-1]}, "settings"),
+    ("surface", {"pose": None}, "pose: is missing"),
+    ("surface", {"pose": put(0, math.nan)}, "pose"),
+    ("surface", {"pose": put(3, math.inf)}, "pose"),
+    ("surface", {"pose": np.zeros(3)}, "pose: must have the shape"),
+    ("surface", {"pose": np.zeros(4, dtype=np.float32)}, "pose: must be of type"),
+    ("surface", {"travel_m": np.array(math.nan)}, "travel_m"),
+    ("surface", {"motion": put(0, math.nan)}, "motion"),
+    ("surface", {"window__cells": put((3, 3), 2)}, "window.cells"),
+    ("surface", {"window__cells": np.zeros((100, 101), np.int8)}, "window.cells: must have"),
+    ("surface", {"window__corner": put(0, 2**40)}, "window.corner"),
+    ("surface", {"window__epoch": np.array(-1)}, "window.epoch"),
+    ("surface", {"extra": np.zeros(1)}, "does not know: extra"),
+    ("surface", {"cells__at": put(0, -1)}, "cells.at"),
+    ("surface", {"cells__at": put(-1, 101 * 101)}, "cells.at"),
+    ("surface", {"cells__at": lambda old: old[::-1].copy()}, "out of order"),
+    ("surface", {"cells__ground_m": None}, "cells.ground_m: is missing"),
     ("reference_plane", {"plane__average_m": put((0, 0), 1.0)}, "nothing was counted"),
     ("reference_plane", {"plane__states": put((0, 0), OBSTACLE)}, "nothing was counted"),
     ("reference_plane", {"plane__count": put((0, 0), 1)}, "plane.average_m"),
@@ -159,11 +150,10 @@ def test_a_map_made_with_other_settings_is_refused_and_the_key_named() -> None:
         ("map", "method", "reference_plane"),
         ("map", "cells", 151),
         ("map", "cell_m", 0.1),
-        ("map", "cell_value", "kalman"),
         ("obstacle", "window_cells", 51),
         ("obstacle", "h_pos_m", 0.12),
         ("obstacle", "h_neg_m", -0.12),
     ):
         config = with_changes(SHIPPED, **{section: {key: value}})
         with pytest.raises(StateError, match=f"made with {section}.{key}="):
-            restore(Mapper(config), STATE["beams"], config, LATER_S)
+            restore(Mapper(config), STATE["surface"], config, LATER_S)

@@ -6,25 +6,22 @@ import pytest
 
 from config_file import load_config, with_changes
 from core.config import Config
-from core.mapping.beams.maps import BeamMaps
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import FREE, OBSTACLE, UNKNOWN, WheelCounts
-from core.saved.check import KEPT
 from core.saved.encoding import Arrays, StateError
-from core.saved.state import AWAY_VAR_M2, restore, state_of, was_moving
+from core.saved.state import restore, state_of, was_moving
 from tests import ROOT
 from tests.core.mapping.test_mapper import wall_and_floor
 from tests.core.motion.test_attitude import attitude
-from tests.support.cell_rig import NEW_LOOKS
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 END_S, LATER_S = 2.0, 5000.0
-METHODS = ("beams", "reference_plane")  # of `surface`: test_surface.py
+METHODS = ("surface", "reference_plane")
 
 
-def config_of(method: str = "beams", cell_value: str = "mean") -> Config:
-    return with_changes(SHIPPED, map={"method": method, "cell_value": cell_value})
+def config_of(method: str = "surface") -> Config:
+    return with_changes(SHIPPED, map={"method": method})
 
 
 def stand(
@@ -42,14 +39,14 @@ def stand(
     return mapper
 
 
-def saved(method: str = "beams", cell_value: str = "mean", yaw_rad: float = 0.0) -> Arrays:
+def saved(method: str = "surface", yaw_rad: float = 0.0) -> Arrays:
     """The state of a robot that has seen the room."""
-    config = config_of(method, cell_value)
+    config = config_of(method)
     return state_of(stand(Mapper(config), 0.0, yaw_rad), config, END_S)
 
 
-def loaded(arrays: Arrays, method: str = "beams", cell_value: str = "mean") -> Mapper:
-    config = config_of(method, cell_value)
+def loaded(arrays: Arrays, method: str = "surface") -> Mapper:
+    config = config_of(method)
     mapper = Mapper(config)
     restore(mapper, arrays, config, LATER_S)
     return mapper
@@ -104,84 +101,26 @@ def test_what_is_seen_again_is_free_again_and_nothing_else(method: str) -> None:
     assert (states(mapper)[states(fresh) == OBSTACLE] == OBSTACLE).all()
     assert (states(fresh)[states(mapper) == FREE] == FREE).all()
     again = (states(fresh) == FREE) & (before == FREE)
-    assert (states(mapper)[again] == FREE).all()
-    if method == "beams":
-        assert (states(mapper) == FREE).sum() > 50
-
-
-def test_what_is_new_is_not_free_because_an_earlier_run_saw_floor_behind_it() -> None:
-    arrays = {name: array.copy() for name, array in STATE["beams"].items()}
-    floor = np.flatnonzero((arrays["cells.count"] > 20) & (arrays["cells.above"] == 0))[0]
-    everywhere, hit = np.arange(101 * 101, dtype=np.int32), arrays["cells.count"] > 0
-    for name in KEPT:
-        field = np.full(everywhere.size, arrays[f"cells.{name}"][floor])
-        field[arrays["cells.at"][hit]] = arrays[f"cells.{name}"][hit]
-        arrays[f"cells.{name}"] = field
-    arrays["cells.at"] = everywhere
-    few = NEW_LOOKS // 2
-    mapper = stand(loaded(arrays), LATER_S, scans=few)
-    fresh = stand(Mapper(config_of()), LATER_S, scans=few)
-    assert (states(fresh)[states(mapper) == FREE] == FREE).all()
-
-
-def test_a_wall_that_has_gone_meanwhile_is_cleared_and_its_place_unknown_until_seen() -> None:
-    arrays = {name: array.copy() for name, array in STATE["beams"].items()}
-    stands = arrays["cells.above"] > 0  # as if seen over all its height, which beams now cross
-    arrays["cells.low_m"][stands], arrays["cells.top_m"][stands] = 0.1, 1.0
-    arrays["cells.high_bits"][stands] = 0xFFFF
-    mapper = stand(loaded(arrays), LATER_S, wall_m=100.0)
-    wall = STATE["beams"]["window.cells"] == OBSTACLE
-    assert (states(mapper)[wall] != FREE).all()
-    assert (states(mapper)[wall] == UNKNOWN).any()
+    if method == "reference_plane":  # `surface` wants to see more of a cell than one line of it
+        assert (states(mapper)[again] == FREE).all()
 
 
 def test_a_wall_that_has_come_meanwhile_is_an_obstacle_at_once() -> None:
-    mapper = stand(loaded(STATE["beams"]), LATER_S, wall_m=3.0, scans=3)
+    mapper = stand(loaded(STATE["surface"]), LATER_S, wall_m=3.0, scans=3)
     fresh = stand(Mapper(config_of()), LATER_S, wall_m=3.0, scans=3)
     new = states(fresh) == OBSTACLE
     assert new.sum() > 5
     assert (states(mapper)[new] == OBSTACLE).all()
 
 
-def test_heights_variances_and_the_ground_are_kept() -> None:
-    config = config_of()
-    mapper = stand(Mapper(config), 0.0)
-    again = loaded(state_of(mapper, config, END_S))
-    assert isinstance(mapper.maps, BeamMaps)
-    assert isinstance(again.maps, BeamMaps)
-    for name in ("height", "variance", "z", "slope", "step", "roughness", "soft"):
-        mapper.window(True)
-        again.window(True)
-        old, new = mapper.maybe_layer(name), again.maybe_layer(name)
-        assert old is not None
-        assert new is not None
-        np.testing.assert_array_equal(new.values, old.values)
-        assert (new.corner_i, new.corner_j) == (old.corner_i, old.corner_j)
-    assert again.maps.ground.line == mapper.maps.ground.line
-    np.testing.assert_array_equal(again.maps.cells.flat["above"], mapper.maps.cells.flat["above"])
-
-
 def test_a_loaded_map_of_which_nothing_was_seen_again_can_be_saved_again() -> None:
-    config, old = config_of(), STATE["beams"]
+    config, old = config_of(), STATE["surface"]
     mapper = stand(loaded(old), LATER_S, scans=0)
     again = state_of(mapper, config, LATER_S + END_S)
-    for name in ("cells.at", "cells.mean_m", "cells.above", "ground.line"):
+    for name in old.keys() - {"cells.floor_s", "window.cells", "window.epoch", "pose"}:
         np.testing.assert_array_equal(again[name], old[name])
     assert ((again["window.cells"] == OBSTACLE) == (old["window.cells"] == OBSTACLE)).all()
     restore(Mapper(config), again, config, 0.0)
-
-
-def test_a_filtered_height_is_less_sure_after_a_time_that_nobody_saw() -> None:
-    arrays = saved(cell_value="kalman")
-    again = loaded(arrays, cell_value="kalman")
-    assert isinstance(again.maps, BeamMaps)
-    at = arrays["cells.at"]
-    np.testing.assert_allclose(
-        again.maps.cells.flat["var_m2"][at], arrays["cells.var_m2"] + AWAY_VAR_M2
-    )
-    hit = arrays["cells.count"] > 0
-    ages_s = LATER_S - again.maps.cells.flat["t_s"][at][hit]
-    assert ((ages_s > 0) & (ages_s < END_S)).all()
 
 
 def test_without_a_pose_nothing_is_saved_and_a_run_that_has_begun_goes_on_from_nothing() -> None:
@@ -191,6 +130,6 @@ def test_without_a_pose_nothing_is_saved_and_a_run_that_has_begun_goes_on_from_n
     with pytest.raises(StateError, match="pose is not known"):
         state_of(stand(Mapper(config), 0.0), config, END_S + 10.0)
     with pytest.raises(ValueError, match="begun"):
-        restore(stand(Mapper(config), 0.0), STATE["beams"], config, LATER_S)
-    assert not was_moving(STATE["beams"])
-    assert was_moving({**STATE["beams"], "motion": np.array([0.3, 0.0])})
+        restore(stand(Mapper(config), 0.0), STATE["surface"], config, LATER_S)
+    assert not was_moving(STATE["surface"])
+    assert was_moving({**STATE["surface"], "motion": np.array([0.3, 0.0])})

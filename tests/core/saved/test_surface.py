@@ -10,10 +10,10 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
 from core.saved.state import restore, state_of
 from core.saved.surface import KEPT
-from tests.support.flat_ride import Ride, Rig, config_of
+from tests.support.flat_ride import Ride, Rig, config_of, places_where
 from tests.support.flat_world import Box, World
 
-CONFIG = config_of(map={"method": "surface"})
+CONFIG = config_of()
 LATER_S = 5000.0
 
 
@@ -54,6 +54,18 @@ def test_obstacles_are_kept_and_what_was_free_is_unknown_until_its_floor_is_met(
     j = grid.corner_j + (row - grid.corner_j) % size
     maps.fresh.follow(LATER_S, 0.0, 0.0, (1.0, 0.0))
     assert maps.causes(np.array([i]), np.array([j])) == EARLIER_RUN
+
+
+def test_a_run_that_goes_on_from_it_tells_free_what_it_sees_again(rig: Rig, arrays: Arrays) -> None:
+    x_m = rig.place()[0]
+    box = Box((9.0 - x_m, -0.5, 0.0), (9.6 - x_m, 0.5, 0.5))  # where it stands from here
+    on = Rig(CONFIG, World(solids=(box,)), Ride(v_mps=1.0), 3.0)
+    restore(on.mapper, arrays, CONFIG, 0.0)
+    on.run()
+    free, hard = places_where(on, FREE), places_where(on, OBSTACLE)
+    assert len(free) > 500
+    assert not ((free[:, 0] > 9.1) & (free[:, 0] < 9.5) & (np.abs(free[:, 1]) < 0.4)).any()
+    assert ((np.abs(hard[:, 0] - 9.1) < 0.2) & (np.abs(hard[:, 1]) < 0.4)).sum() >= 4
 
 
 @pytest.mark.parametrize("name", KEPT)

@@ -22,9 +22,9 @@ from tools.experiments.views import MapView
 
 
 def figures(outcome: Outcome, quantity: str) -> tuple[float, float]:
-    """What (reference_plane, beams) got in the row whose quantity holds these words."""
+    """What (reference_plane, surface) got in the row whose quantity holds these words."""
     [row] = [row for row in outcome.rows if quantity in row.quantity]
-    return row.values["reference_plane"], row.values["beams"]
+    return row.values["reference_plane"], row.values["surface"]
 
 
 @pytest.mark.slow
@@ -185,23 +185,21 @@ def test_heights_and_states_have_the_papers_colours_and_ahead_is_up() -> None:
     ],
 )
 def test_a_row_says_which_is_better(theirs: float, ours: float, aim: str, judged: str) -> None:
-    row = Row("5.0", "things", {"reference_plane": theirs, "beams": ours}, aim)  # type: ignore[arg-type]
+    row = Row("5.0", "things", {"reference_plane": theirs, "surface": ours}, aim)  # type: ignore[arg-type]
     assert verdict(row) == judged
 
 
 def test_the_document_has_the_table_what_does_not_hold_and_the_pictures() -> None:
-    worse = Row("5.9 test", "cells", {"reference_plane": 1.0, "beams": 2.0}, digits=0, paper="7")
-    perfect = Row("5.9 test", "holes", {"reference_plane": 0.0, "beams": 0.0})
-    part = Outcome("5.9 test", "", [Row("5.9 test", "more", {"beams": float("inf")}), perfect])
-    part.tell("edges", {"beams": 4.0, "surface": 5.0}, digits=0)
-    part.tell("nothing", {"beams": float("nan")})
+    worse = Row("5.9 test", "cells", {"reference_plane": 1.0, "surface": 2.0}, digits=0, paper="7")
+    perfect = Row("5.9 test", "holes", {"reference_plane": 0.0, "surface": 0.0})
+    part = Outcome("5.9 test", "", [Row("5.9 test", "more", {"surface": float("inf")}), perfect])
+    part.tell("nothing", {"surface": float("nan")})
     whole = Outcome("5.9 test", "Done.", [worse], [("a.png", "first")])
     text = document(merged([whole, part]))
     assert "- **5.9 test**: Done." in text
-    assert "| 5.9 test | cells | 7 | 1 | 2 | **worse** | - | - |" in text
+    assert "| 5.9 test | cells | 7 | 1 | 2 | **worse** |" in text
     assert "- worse: 5.9 test, cells: 2 against 1" in text
     assert "In 1 more rows" in text
-    assert "- 5.9 test, edges: 5 against 4" in text
     assert "![first](pictures/a.png)" in text
     assert "| never |" in text
     assert "| nothing" not in text

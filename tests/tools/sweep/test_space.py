@@ -6,14 +6,14 @@ from hypothesis import strategies as st
 
 from tools.sweep.space import SpaceError, sections_of, settings_of
 
-LISTS = "map.cell_m=0.1,0.2", "map.method=beams,reference_plane"
+LISTS = "map.cell_m=0.1,0.2", "map.method=surface,reference_plane"
 
 
 def test_each_value_is_tried_with_each_other() -> None:
     assert settings_of(LISTS, None, 1) == [
         {"map.cell_m": cell_m, "map.method": method}
         for cell_m in (0.1, 0.2)
-        for method in ("beams", "reference_plane")
+        for method in ("surface", "reference_plane")
     ]
     assert settings_of([], None, 1) == [{}], "as recorded"
     assert sections_of({"map.cell_m": 0.1, "map.cells": 9, "log.level": "info"}) == {

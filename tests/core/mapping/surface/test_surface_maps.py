@@ -13,6 +13,7 @@ from core.mapping.surface.maps import SurfaceMaps, face_of
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import COMPILED
 from tests.support.cases import few
+from tests.support.cell_rig import CellRig
 from tests.support.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
 from tests.support.flat_world import Box, Profile, World, ditch, kerb
 from tools.experiments.views import heights_over_ground_m
@@ -310,3 +311,10 @@ def test_what_nobody_has_watched_for_too_long_is_unknown() -> None:
     assert state_at(rig, *place) == UNKNOWN
     i, j = (np.array([k]) for k in maps.grid.cell_of(*place))
     assert maps.causes(i, j).tolist() == [causes.AGED]
+
+
+def test_beams_straight_down_break_nothing() -> None:
+    rig = CellRig()
+    down = [(0.0, 0.0, z) for z in (0.0, -0.3, 0.1)] * 8
+    for _ in range(3):
+        assert rig.add(*down) == len(down)

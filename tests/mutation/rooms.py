@@ -4,13 +4,11 @@ Their tests run all branches of them (`coverage`), and see every mutant of them 
 not listed as equivalent.
 """
 
-BEAMS = "tests/core/mapping/beams/test_"
+SURFACE = "tests/core/mapping/surface/test_"
 DRIVING = "tests/core/driving/test_"
 TESTS_OF = {
-    "core/mapping/along.py": ("tests/core/mapping/test_along.py", f"{BEAMS}carving_model.py"),
-    "core/mapping/beams/carving.py": (f"{BEAMS}carving_model.py",),
-    "core/mapping/beams/classifier.py": (f"{BEAMS}classifier.py",),
-    "core/mapping/beams/negative.py": (f"{BEAMS}negative.py",),
+    "core/mapping/along.py": ("tests/core/mapping/test_along.py",),
+    "core/mapping/surface/decision.py": (f"{SURFACE}decision.py", f"{SURFACE}soft.py"),
     "core/mapping/freshness.py": ("tests/core/mapping/test_freshness.py",),
     "core/grid/window.py": ("tests/core/grid/test_window.py",),
     "core/driving/control.py": (f"{DRIVING}control.py",),

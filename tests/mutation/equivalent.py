@@ -14,23 +14,28 @@ NO_CELL = "no cell has that number either"
 NEVER_SET = "nobody sets a field of it"
 STANDS = "of what stands still, any share is nothing"
 
-NEGATIVE = "core/mapping/beams/negative.py"
-CARVING, CLASSIFIER = "core/mapping/beams/carving.py", "core/mapping/beams/classifier.py"
+DECISION = "core/mapping/surface/decision.py"
 CONTROL, CORRIDOR = "core/driving/control.py DriveControl.", "core/driving/corridor.py"
 STALL, ZONE = "core/driving/stall.py StallWatch.", "core/driving/zone.py ZoneReporter."
 STOP_ZONE, FRESHNESS = "core/driving/stop_zone.py", "core/mapping/freshness.py"
 EQUIVALENT: dict[str, str] = {
-    f"{CARVING} _goes_through: middle + (k - 0.5 * (FINER - 1)) * STEP_M / FINER -> "
-    "middle - (k - 0.5 * (FINER - 1)) * STEP_M / FINER": "the same places, in another order",
-    f"{CARVING} _note: 1 -> 2": ANY,
     "core/mapping/along.py share_of: b * GOLDEN -> b / GOLDEN": "the inverse has the same fraction",
-    f"{CARVING} FreeSpaceCarver.__init__: 0 -> 1": "the cell itself says that nothing stands there",
-    f"{CARVING} FreeSpaceCarver.__init__: 1 -> 2": "any length below zero says all",
-    f"{CLASSIFIER} _is_among_soft: i + AROUND[side][0] -> i - AROUND[side][0]": ALL_AROUND,
-    f"{CLASSIFIER} _is_among_soft: j + AROUND[side][1] -> j - AROUND[side][1]": ALL_AROUND,
-    f"{CLASSIFIER} _goes_on: 8 -> 9": "no side has a ninth bit",
-    f"{NEGATIVE} missed: 1 -> 2 (4)": NO_CELL,
-    f"{NEGATIVE} missed: 1 -> 2 (10)": NO_CELL,
+    "core/mapping/along.py share_of: b * GOLDEN + serial * GOLDEN * GOLDEN -> "
+    "b * GOLDEN - serial * GOLDEN * GOLDEN": "as evenly spread, the other way round",
+    f"{DECISION} _missing: -cell.under_m <= doubt -> -cell.under_m < doubt": FLOATS,
+    f"{DECISION} _missing: far - cell.under_m > doubt -> far - cell.under_m >= doubt": FLOATS,
+    f"{DECISION} _missing: 0.0 -> 1.0": "what is deeper than the doubt is so anyhow",
+    f"{DECISION} is_framed: (1 << parts * parts) - 1 -> (1 << parts * parts) + 1": "divided by "
+    "the bits of a row, both give the same",
+    f"{DECISION} is_framed: 2 -> 3 (2)": LONGER,
+    f"{DECISION} is_framed: 0 -> 1": "a gap that begins before the cell beside it is wide anyhow",
+    f"{DECISION} rule_of: 0 -> 1": "no cause of missing ground is 1",
+    f"{DECISION} rule_of: cell.top_m > HIT * math.sqrt(cell.var_m2 + limits.noise_m2) -> "
+    "cell.top_m >= HIT * math.sqrt(cell.var_m2 + limits.noise_m2)": FLOATS,
+    f"{DECISION} _rule_at: 0 < ones(cell.parts) <= limits.row -> "
+    "0 <= ones(cell.parts) <= limits.row": "with no floor at all it is not free, framed or not",
+    f"{DECISION} _rule_at: .. ones(cell.parts) <= limits.row and is_framed(i, j, surface) -> "
+    "..< ones(cell.parts) <= limits.row or is_framed(i, j, surface)": "more are enough anyhow",
     f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "
     "self._passed_s * SWEEP_S": "it is one second",
     "core/grid/window.py put_state: 1 -> 2": ANY,

@@ -43,7 +43,7 @@ def _missing(cell: Record, limits: Limits) -> int:
     far = 0.0 if cell.looks > 0 else cell.floor_m
     if far == math.inf:
         return causes.UNSHOWN
-    return causes.NO_FLOOR if far <= h_neg or far - cell.under_m > doubt else 0
+    return causes.NO_FLOOR if far - cell.under_m > doubt else 0
 
 
 @kernel
@@ -97,7 +97,7 @@ def rule_of(
         return causes.FEW
     few = 0 if framed else limits.row  # in so few parts it may be the edge of a ditch;
     under = ones(cell.parts >> cells.PART_BITS & ~cell.parts)  # so where beams were under others
-    if ones(cell.parts) <= few or under >= max(2, limits.parts // 2):
+    if ones(cell.parts) <= few or under >= 2:
         return causes.UNSHOWN
     if seen_s < oldest_s:
         return causes.AGED if seen_s > -math.inf else causes.EARLIER_RUN

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from core.grid.window import ObstacleWindow
 from core.mapping import causes
 from core.mapping.causes import (
     AGED,
@@ -26,7 +27,7 @@ from core.mapping.causes import (
 )
 from core.mapping.surface.cells import APART, BLANK, CELL, LOOSE, TIED
 from core.mapping.surface.constants import CLEAR, GATE, LIKELY
-from core.mapping.surface.decision import is_framed, rule_of
+from core.mapping.surface.decision import decide_cells, is_framed, list_causes, rule_of
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import Record, records
 from tests.support.ground_cells import LIMITS, NOISE_M2, GroundCells, packed
@@ -59,6 +60,7 @@ CASES: list[tuple[str, int, dict[str, Any]]] = [
     ("an edge, ground a step lower", NO_FLOOR, {"under_m": -0.01, "floor_m": -0.1} | AHEAD),
     ("a hole: the ground beyond is as high", NO_FLOOR, {"under_m": -0.06, "floor_m": 0.0} | AHEAD),
     ("floor was met, a beam went under it", NO_FLOOR, {"under_m": -0.06}),
+    ("floor was met once, a beam went under it", NO_FLOOR, {"under_m": -0.06, "looks": 1}),
     ("ground that falls on", UNSHOWN, {"under_m": -0.06, "floor_m": -0.05} | AHEAD),
     ("under it, and nothing beyond yet", UNSHOWN, {"under_m": -0.06} | AHEAD),
     ("under it by no more than noise", FLOOR, {"under_m": -0.03}),
@@ -73,7 +75,7 @@ CASES: list[tuple[str, int, dict[str, Any]]] = [
     ("too few passed", FEW, {"stands": CLEAR + 0.01}),
     ("floor in a row of its parts alone", UNSHOWN, {"floor_parts": 0x000F}),
     ("floor in more than a row", FLOOR, {"floor_parts": 0x001F}),
-    ("under it in half a row without floor", UNSHOWN, {"floor_parts": 0xFFF0, "under_parts": 0x3}),
+    ("under it in two parts without floor", UNSHOWN, {"floor_parts": 0xFFF0, "under_parts": 0x3}),
     ("under it in one part without floor", FLOOR, {"floor_parts": 0xFFF0, "under_parts": 0x1}),
 ]
 
@@ -122,7 +124,7 @@ def test_floor_may_lack_in_a_narrow_gap(seen: str, is_narrow: bool, turned: bool
             bits = sum(1 << (4 * k + row) for k in range(4) for row in range(4) if parts[k] == "x")
         for beside in (-1, 0, 1):
             i, j = (beside, n - 1) if turned else (n - 1, beside)
-            ground.lay(i, j, 0.0, floor_parts=bits)
+            ground.lay(i, j, 0.0, floor_parts=bits, looks=1)
     assert is_framed(0, 0, ground.surface) is is_narrow
 
 
@@ -144,9 +146,56 @@ def test_a_ditch_that_runs_aslant_frames_nothing() -> None:
 
 
 def test_beside_what_is_not_known_nothing_is_framed() -> None:
-    ground = GroundCells(size=5)
-    ground.lay(0, 0, 0.0, floor_parts=0x0FFF)
-    assert not is_framed(0, 0, ground.surface)
+    for expected in (False, True):
+        ground = GroundCells(size=5)
+        for i, j in itertools.product((-1, 0, 1), repeat=2) if expected else ():
+            ground.lay(i, j, 0.0, floor_parts=ALL, looks=0)
+        ground.lay(0, 0, 0.0, floor_parts=0x0FFF)
+        assert not is_framed(0, 0, ground.surface)
+
+
+@pytest.mark.parametrize(
+    ("parts", "is_floor"),
+    [(0x0102, True), (0x0020, True), (0x0660, True), (0x0001, False), (0x0000, False)],
+)
+def test_floor_in_few_parts_is_enough_where_what_lacks_is_narrow(
+    parts: int, is_floor: bool
+) -> None:
+    """Of the first cell of map and window, and of the one behind it."""
+    for i, j in ((0, 0), (1, 1)):
+        ground = GroundCells(size=5)
+        for di, dj in itertools.product((-1, 0, 1), repeat=2):
+            ground.lay(i + di, j + dj, 0.0, floor_parts=ALL)
+        ground.lay(i, j, 0.0, floor_parts=parts)
+        window = ObstacleWindow(3, 0.2)
+        window.follow((i + 0.5) * 0.2, (j + 0.5) * 0.2)
+        listed = np.array([ground.at(i, j)], dtype=np.int32)
+        assert decide_cells(listed, ground.surface, window.shown, 0) == is_floor
+        at = j % 3 * 3 + i % 3
+        assert int(window.cells.reshape(-1)[at]) == (FREE if is_floor else UNKNOWN)
+        assert (np.count_nonzero(window.cells)) == is_floor
+        told, places = np.zeros(2, np.uint8), np.array([[i, j], [i + 2, j]])
+        list_causes(places[:, 0].copy(), places[:, 1].copy(), ground.surface, window.shown, told)
+        assert told.tolist() == [FLOOR if is_floor else UNSHOWN, causes.OUTSIDE]
+
+
+def test_what_the_map_does_not_hold_is_unseen_or_outside_of_the_window() -> None:
+    ground, window, told = GroundCells(size=5), ObstacleWindow(9, 0.2), np.zeros(2, np.uint8)
+    list_causes(np.array([3, 5]), np.array([0, 0]), ground.surface, window.shown, told)
+    assert told.tolist() == [UNSEEN, causes.OUTSIDE]
+
+
+def test_what_lies_just_at_a_bound_is_beyond_it() -> None:
+    """A bound that single precision holds exactly."""
+    limits = LIMITS._replace(h_neg_m=-0.125)
+    for fields, cause in (
+        ({"under_m": -0.125}, NO_FLOOR),
+        ({"under_m": -0.125, "var_m2": 0.01}, UNSHOWN),
+        ({"under_m": -0.01, "floor_m": -0.125} | AHEAD, NO_FLOOR),
+        ({"under_m": -0.0625, "floor_m": -0.125} | AHEAD, NO_FLOOR),
+    ):
+        cell = cell_of(**GOOD | fields)
+        assert rule_of(cell, UNKNOWN, OLDEST_S, OLDEST_S, limits) == cause
 
 
 def test_a_framed_cell_is_free_with_floor_in_some_part_of_it() -> None:

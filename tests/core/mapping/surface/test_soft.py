@@ -1,5 +1,6 @@
 """Grass and curtains: soft things are free if settings say so, hard things among them never."""
 
+import itertools
 import math
 
 import numpy as np
@@ -148,27 +149,33 @@ def test_where_the_sweep_ends_and_where_one_echo_is_told_nothing_is_soft() -> No
 # Cell by cell
 
 
-def passable(ground: GroundCells, soft_m: float = 0.4) -> bool:
+def passable(ground: GroundCells, soft_m: float = 0.5) -> bool:
     limits = LIMITS._replace(soft_m=soft_m)
-    return bool(is_passable(ground.at(2, 2), 2, 2, ground.surface._replace(limits=limits)))
+    return bool(is_passable(ground.at(1, 1), 1, 1, ground.surface._replace(limits=limits)))
 
 
-GRASS = {"stands": LIKELY, "soft": LIKELY, "top_m": 0.3}
+GRASS = {"stands": LIKELY, "soft": LIKELY, "top_m": 0.25}
 
 
 def test_what_is_soft_and_low_may_be_passed_if_nothing_hard_stands_beside_it() -> None:
     ground = GroundCells()
-    at = ground.lay(2, 2, 0.0, **GRASS)
-    assert passable(ground)
-    assert not passable(ground, soft_m=0.29)
-    assert not passable(ground, soft_m=0.0)
-    ground.lay(3, 1, 0.0, **GRASS)
-    assert passable(ground)
-    ground.lay(3, 1, 0.0, **GRASS | {"stands": 0.1, "soft": LIKELY - 0.1})
-    assert not passable(ground)
-    ground.lay(3, 1, 0.0)
-    ground.cells["soft"][at] = LIKELY - 0.1
-    assert not passable(ground)
+    at = ground.lay(1, 1, 0.0, **GRASS)
+    for soft_m, is_low in ((0.5, True), (1.0, True), (0.25, True), (0.24, False), (0.0, False)):
+        assert passable(ground, soft_m) is is_low
+    for i, j in itertools.product(range(-1, 4), repeat=2):
+        if (i, j) == (1, 1):
+            continue
+        ground.lay(i, j, 0.0, **GRASS)
+        assert passable(ground)
+        ground.lay(i, j, 0.0, **GRASS | {"stands": 0.1, "soft": LIKELY - 0.1})
+        assert passable(ground) is (max(abs(i - 1), abs(j - 1)) > 1)
+        ground.lay(i, j, 0.0)
+    for name, value in (("soft", LIKELY - 0.1), ("stands", CLEAR)):
+        ground.lay(1, 1, 0.0, **GRASS | {name: value})
+        assert not passable(ground)
+    ground.lay(1, 1, 0.0, **GRASS | {"top_m": 0.0})
+    assert not passable(ground, 0.0)
+    assert ground.cells["stands"][at] == LIKELY
 
 
 def test_soft_things_are_free_where_floor_was_seen_among_them_and_can_be_reached() -> None:

@@ -26,7 +26,7 @@ def drive(request: pytest.FixtureRequest) -> Drive:
 def test_97_percent_are_right_no_box_is_free_and_the_floor_flat_within_15_mm(drive: Drive) -> None:
     loop, comparisons = drive
     seen = [comparison.seen for comparison in comparisons]
-    assert max(seen) > 25 * loop.since_begin_s
+    assert max(seen) > 23 * loop.since_begin_s
     for comparison in comparisons:
         assert comparison.right >= 0.97 * comparison.seen, comparison.wrong
         assert comparison.free_on_obstacle == []  # a box, the ditch
@@ -73,6 +73,6 @@ def test_with_six_times_the_attitude_noise_it_errs_to_the_side_of_obstacle() -> 
         loop.run(15.0)
         comparison = compare(loop)
         assert all(cell != -1 for _, _, cell in comparison.wrong)
-        # over ten seeds 78 % right in the mean, 57 % at worst; cells half on a box: 0.2, 2 at worst
-        assert comparison.right >= 0.55 * comparison.seen
+        # over four seeds all are right; cells half in the ditch: 0.3, 1 at worst
+        assert comparison.right >= 0.97 * comparison.seen
         assert len(comparison.free_on_obstacle) <= 3

@@ -30,22 +30,22 @@ FAR_M = 8.2  # where a level sweep meets the ground
 RISES = 0.06  # half the tilt of the scan plane
 NOISE_M2 = 1e-4  # of a return
 LIMITS = Limits(
-    0.10,
-    -0.10,
-    1.30,
-    0.0,
-    0.087,
-    0.04**2,
-    0.04**2,
-    math.inf,
-    0.0,
-    NOISE_M2,
-    FAR_M,
-    True,
-    RISES,
-    4,
-    4,
-    1,
+    h_pos_m=0.10,
+    h_neg_m=-0.10,
+    height_m=1.30,
+    soft_m=0.0,
+    face_m=0.087,
+    guess_m2=0.04**2,
+    sure_m2=0.04**2,
+    wheels_m2=math.inf,
+    floor_says=0.0,
+    noise_m2=NOISE_M2,
+    far_m=FAR_M,
+    is_plane=True,
+    rises=RISES,
+    parts=4,
+    row=4,
+    block=1,
 )
 
 

@@ -72,13 +72,13 @@ def is_framed(i: int, j: int, surface: Surface) -> bool:
 @kernel
 def rule_of(
     cell: Record, shown: int, seen_s: float, oldest_s: float, limits: Limits,
-    passable: bool = False, framed: bool = False,
+    passable: bool, few: int,
 ) -> int:  # fmt: skip
     """Which rule decides a cell: a cause. What was told as obstacle stays so until it is gone.
 
     Args:
         passable: what stands in it is soft and low, and nothing hard beside it.
-        framed: what lacks of its floor is narrow.
+        few: in so many of its parts floor may be on one side of an edge alone.
     """
     if cell.var_m2 == math.inf:
         return causes.UNSEEN
@@ -95,13 +95,23 @@ def rule_of(
         return causes.BEYOND_STEP if cell.tied == APART else causes.UNREACHED
     if cell.stands > CLEAR and not passable:
         return causes.FEW
-    few = 0 if framed else limits.row  # in so few parts it may be the edge of a ditch;
-    under = ones(cell.parts >> cells.PART_BITS & ~cell.parts)  # so where beams were under others
+    under = ones(cell.parts >> cells.PART_BITS & ~cell.parts)  # parts without, where beams were
     if ones(cell.parts) <= few or under >= 2:
         return causes.UNSHOWN
     if seen_s < oldest_s:
         return causes.AGED if seen_s > -math.inf else causes.EARLIER_RUN
     return causes.SOFT if passable else causes.FLOOR
+
+
+@kernel
+def is_edge(i: int, j: int, surface: Surface) -> bool:
+    """Whether ground is missing, or may be, beside a world cell."""
+    for n in range(9):
+        near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface.ring)
+        other = surface.cells[max(0, near)]
+        if near >= 0 and other.var_m2 < math.inf and _missing(other, surface.limits) > 0:
+            return True
+    return False
 
 
 @kernel
@@ -122,8 +132,12 @@ def is_passable(at: int, i: int, j: int, surface: Surface) -> bool:
 def _rule_at(at: int, i: int, j: int, state: int, surface: Surface) -> int:
     """Which rule decides the cell of a surface that is world cell i, j."""
     passable, cell, limits = is_passable(at, i, j, surface), surface.cells[at], surface.limits
-    framed = 0 < ones(cell.parts) <= limits.row and is_framed(i, j, surface)
-    return rule_of(cell, state, surface.seen_s[at], surface.oldest_s, limits, passable, framed)
+    few, seen, half = limits.row, ones(cell.parts), limits.parts * limits.parts // 2
+    if 0 < seen <= limits.row and is_framed(i, j, surface):
+        few = 0
+    elif limits.row < seen <= half and is_edge(i, j, surface):
+        few = half
+    return rule_of(cell, state, surface.seen_s[at], surface.oldest_s, limits, passable, few)
 
 
 @kernel

@@ -53,6 +53,16 @@ def vote(at: int, say: float, surface: Surface) -> None:
 
 
 @kernel
+def touch_around(at: int, surface: Surface) -> None:
+    """Have a cell and those beside it decided again."""
+    i, j = world_cell(at, surface.ring)
+    for n in range(9):
+        near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface.ring)
+        if near >= 0:
+            touch(near, surface.touched)
+
+
+@kernel
 def lower(at: int, part: int, depth: float, surface: Surface) -> None:
     """A beam was so far over the ground, less than none: half of it is believed at once.
 
@@ -65,6 +75,7 @@ def lower(at: int, part: int, depth: float, surface: Surface) -> None:
     before = 0.0 if cell.under_m == math.inf else cell.under_m
     if depth < before and not surface.touched.bits[slot] & WENT_UNDER:
         surface.touched.bits[slot] |= WENT_UNDER
+        touch_around(at, surface)  # they may be its edge
         cell.under_m = before + LOWERED * (depth - before)
 
 
@@ -326,8 +337,4 @@ def end_beams(beams: Beams, surface: Surface) -> None:
         cell = surface.cells[one.at]  # soon hard, if something lies down in it
         cell.soft = min(2.0 * MOST, cell.soft + softness(beams.ranges_m, b))
         if surface.limits.soft_m > 0.0:  # it counts for the cells around as well
-            i, j = world_cell(one.at, surface.ring)
-            for n in range(9):
-                near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface.ring)
-                if near >= 0:
-                    touch(near, surface.touched)
+            touch_around(one.at, surface)

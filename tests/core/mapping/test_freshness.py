@@ -197,6 +197,7 @@ def test_under_the_robot_nothing_comes_in(here: tuple[float, float]) -> None:
     rest(rig, 3.0)
     assert rig.state(*here) == FREE
     assert rig.state(here[0], here[1] + 0.2) == FREE
+    assert rig.state(here[0] - 0.4, here[1]) == UNKNOWN  # its middle lies behind the footprint
     rig.follow(here[0] + 1.5, here[1])  # it has gone
     rest(rig, 1.7 + SWEEP_S)
     assert rig.state(*here) == UNKNOWN

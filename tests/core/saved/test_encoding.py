@@ -121,8 +121,12 @@ WRONG: list[tuple[str, dict[str, Any], str]] = [
     ("surface", {"extra": np.zeros(1)}, "does not know: extra"),
     ("surface", {"cells__at": put(0, -1)}, "cells.at"),
     ("surface", {"cells__at": put(-1, 101 * 101)}, "cells.at"),
-    ("surface", {"cells__at": lambda old: old[::-1].copy()}, "out of order"),
+    ("surface", {"cells__at": lambda old: old[::-1].copy()}, "cells.at: holds a cell twice"),
+    ("surface", {"error__static": np.array([0.2, 0.0])}, "error.static"),
     ("surface", {"cells__ground_m": None}, "cells.ground_m: is missing"),
+    ("surface", {"cells__var_m2": put(0, -1e-3)}, "cells.var_m2"),
+    ("surface", {"cells__stands": put(0, 100.0)}, "cells.stands"),
+    ("surface", {"cells__top_m": put(0, math.inf)}, "cells.top_m"),  # -inf would be none
     ("reference_plane", {"plane__average_m": put((0, 0), 1.0)}, "nothing was counted"),
     ("reference_plane", {"plane__states": put((0, 0), OBSTACLE)}, "nothing was counted"),
     ("reference_plane", {"plane__count": put((0, 0), 1)}, "plane.average_m"),

@@ -47,7 +47,7 @@ def cell_of(**fields: float) -> Record:
 
 
 def cause_of(cell: Record, shown: int = UNKNOWN, seen_s: float = OLDEST_S) -> int:
-    return int(rule_of(cell, shown, seen_s, OLDEST_S, LIMITS))
+    return int(rule_of(cell, shown, seen_s, OLDEST_S, LIMITS, False, LIMITS.row))
 
 
 AHEAD = {"looks": 0, "floor_s": -math.inf}  # expected there, not met
@@ -195,15 +195,15 @@ def test_what_lies_just_at_a_bound_is_beyond_it() -> None:
         ({"under_m": -0.0625, "floor_m": -0.125} | AHEAD, NO_FLOOR),
     ):
         cell = cell_of(**GOOD | fields)
-        assert rule_of(cell, UNKNOWN, OLDEST_S, OLDEST_S, limits) == cause
+        assert rule_of(cell, UNKNOWN, OLDEST_S, OLDEST_S, limits, False, limits.row) == cause
 
 
 def test_a_framed_cell_is_free_with_floor_in_some_part_of_it() -> None:
     for fields, cause in (({"floor_parts": 0x1}, FLOOR), ({"floor_parts": 0}, UNSHOWN)):
         cell = cell_of(**GOOD | fields)
-        assert rule_of(cell, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, False, True) == cause
+        assert rule_of(cell, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, False, 0) == cause
     under = cell_of(**GOOD | {"floor_parts": 0x1, "under_parts": 0x6})
-    assert rule_of(under, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, False, True) == UNSHOWN
+    assert rule_of(under, UNKNOWN, OLDEST_S, OLDEST_S, LIMITS, False, 0) == UNSHOWN
 
 
 HEIGHTS = st.one_of(st.just(math.inf), st.just(-math.inf), st.floats(-0.5, 0.5))

@@ -183,7 +183,7 @@ def test_soft_things_are_free_where_floor_was_seen_among_them_and_can_be_reached
     cell = ground.cells[ground.lay(2, 2, 0.0, **GRASS, floor_parts=0xFFFF)]
 
     def cause() -> int:
-        return int(rule_of(cell, OBSTACLE, 0.0, 0.0, LIMITS, passable=True))
+        return int(rule_of(cell, OBSTACLE, 0.0, 0.0, LIMITS, True, LIMITS.row))
 
     assert cause() == SOFT
     cell["looks"] = 0

@@ -32,10 +32,11 @@ EQUIVALENT: dict[str, str] = {
     f"{DECISION} rule_of: 0 -> 1": "no cause of missing ground is 1",
     f"{DECISION} rule_of: cell.top_m > HIT * math.sqrt(cell.var_m2 + limits.noise_m2) -> "
     "cell.top_m >= HIT * math.sqrt(cell.var_m2 + limits.noise_m2)": FLOATS,
-    f"{DECISION} _rule_at: 0 < ones(cell.parts) <= limits.row -> "
-    "0 <= ones(cell.parts) <= limits.row": "with no floor at all it is not free, framed or not",
-    f"{DECISION} _rule_at: .. ones(cell.parts) <= limits.row and is_framed(i, j, surface) -> "
-    "..< ones(cell.parts) <= limits.row or is_framed(i, j, surface)": "more are enough anyhow",
+    f"{DECISION} is_edge: 0 -> 1 (3)": "no cause of missing ground is 1",
+    f"{DECISION} _rule_at: 0 < seen <= limits.row -> "
+    "0 <= seen <= limits.row": "with no floor at all it is not free, framed or not",
+    f"{DECISION} _rule_at: limits.row < seen <= half -> "
+    "limits.row <= seen <= half": "a row alone is too little anyhow",
     f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "
     "self._passed_s * SWEEP_S": "it is one second",
     "core/grid/window.py put_state: 1 -> 2": ANY,

@@ -179,6 +179,31 @@ def test_floor_in_few_parts_is_enough_where_what_lacks_is_narrow(
         assert told.tolist() == [FLOOR if is_floor else UNSHOWN, causes.OUTSIDE]
 
 
+@pytest.mark.parametrize(
+    ("parts", "beside", "is_floor"),
+    [
+        (0x00FF, {"under_m": -0.2}, False),
+        (0x01FF, {"under_m": -0.2}, True),
+        (0x00FF, {"under_m": -0.06} | AHEAD, False),  # there may be none
+        (0x00FF, {"under_m": -0.01}, True),
+        (0x00FF, {"under_m": -0.2, "var_m2": math.inf}, True),
+        (0x00FF, {}, True),
+    ],
+)
+def test_beside_missing_ground_more_than_half_of_a_cell_must_have_floor(
+    parts: int, beside: dict[str, Any], is_floor: bool
+) -> None:
+    """Missing in each of the cells around, the first of the map among them, and farther off."""
+    for i, j in itertools.product(range(-1, 4), repeat=2):
+        ground, window = GroundCells(size=7), ObstacleWindow(7, 0.2)
+        ground.lay(1, 1, 0.0, floor_parts=parts)
+        ground.lay(i, j, 0.0, **beside) if (i, j) != (1, 1) else None
+        is_beside = max(abs(i - 1), abs(j - 1)) == 1
+        decide_cells(np.array([ground.at(1, 1)], np.int32), ground.surface, window.shown, 0)
+        state = FREE if is_floor or not is_beside else UNKNOWN
+        assert int(window.cells[1, 1]) == state
+
+
 def test_what_the_map_does_not_hold_is_unseen_or_outside_of_the_window() -> None:
     ground, window, told = GroundCells(size=5), ObstacleWindow(9, 0.2), np.zeros(2, np.uint8)
     list_causes(np.array([3, 5]), np.array([0, 0]), ground.surface, window.shown, told)

@@ -1,5 +1,6 @@
 """What one return says of the cell where it lies."""
 
+from core.mapping.surface.evidence import lower
 from core.mapping.surface.sweep import FLOOR
 from tests.support.ground_cells import GroundCells, met
 
@@ -22,3 +23,12 @@ def test_floor_in_a_part_has_the_cells_beside_it_decided_again_that_lack_some() 
         met(ground, 20.0, 0.46, 0.0)
         touched = ground.touched.at[: ground.touched.used[0]].tolist()
         assert set(touched) == {ground.at(2, 0)} | lacking
+
+
+def test_where_a_beam_was_under_the_ground_all_cells_around_are_decided_again() -> None:
+    ground = GroundCells()
+    at = ground.lay(2, 0, 0.0, floor_parts=0x00FF)
+    for depth_m, around in ((-0.2, 9), (-0.3, 9), (-0.1, 1)):
+        ground.touched.used[0] = 0
+        lower(at, 0x1000, depth_m, ground.surface)
+        assert ground.touched.used[0] == around

@@ -202,7 +202,6 @@ def config_from_text(text: str, drivers: Drivers) -> Config:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"not valid TOML: {error}") from None
-    _bring_up_to_date(table)
     return _config_from(table, drivers)
 
 
@@ -213,7 +212,10 @@ def _bring_up_to_date(table: dict[str, Any]) -> list[str]:
         if keys.get("method") == "beams":
             keys["method"] = "surface"
             changed.append('map.method: "beams" is gone, "surface" takes its place')
-        if keys.pop("cell_value", None) is not None:
+        if "cell_value" in keys:
+            value = keys.pop("cell_value")
+            if value not in ("mean", "kalman"):
+                raise ConfigError(f"map.cell_value: must be 'mean' or 'kalman', is {value!r}")
             changed.append("map.cell_value: is gone, every cell is filtered")
     return changed
 
@@ -248,6 +250,7 @@ def table_from(config: Config) -> dict[str, dict[str, Any]]:
 
 
 def _config_from(table: dict[str, Any], drivers: Drivers) -> Config:
+    _bring_up_to_date(table)
     _check_keys(table, drivers)
     parts = {
         section: _convert(section, table[section], kind, drivers.get(section))

@@ -2,7 +2,7 @@
 
 A loaded map is not believed as the same map is within a run: nobody saw what moved meanwhile.
 - What was an obstacle is one until beams pass through it, as ever.
-- What was free is unknown until a beam of this run meets its floor. Its height is kept.
+- What was free is unknown until this run has seen its floor; `surface` begins anew with all ground.
 - The map frame goes on from the saved pose. So the robot must stand where it stood when the map was
   saved; nothing here can tell. Where it does not, obstacles lie wrong, but free does not.
 - Method `reference_plane` counts yaw, displacement and its plane anew, as it does at a restart.

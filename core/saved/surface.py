@@ -1,6 +1,8 @@
 """The cells of method `surface` as named arrays, and cells that go on from them.
 
-Of the error of the newest sweep only what is always wrong goes on; the rest begins anew.
+Only cells that bar the way, or may, go on: nobody saw what became of ground meanwhile. A hole may
+have come, so floor must be met anew before it tells anything. Of the error of the newest sweep only
+what is always wrong goes on; the rest begins anew.
 """
 
 import math
@@ -8,13 +10,14 @@ import math
 import numpy as np
 
 from core.config import Config
-from core.mapping.surface.cells import APART, CELL, MOST_LOOKS
-from core.mapping.surface.constants import LEAST, MOST
+from core.mapping.surface.cells import APART, CELL, LOOSE
+from core.mapping.surface.constants import CLEAR, LEAST, MOST
 from core.mapping.surface.maps import SurfaceMaps
 from core.saved.bounds import MOST_M, MOST_S, MOST_SCANS, check_places, check_within
 from core.saved.encoding import Arrays
 
-KEPT = CELL.names or ()
+OF_THIS_RUN = ("parts", "looks")  # what is free must show its floor anew
+KEPT = tuple(name for name in CELL.names or () if name not in OF_THIS_RUN)
 UNBOUNDED = ("floor_m", "low_m", "top_m", "under_m")  # inf or -inf while there is none
 ALWAYS = math.radians(5.0)  # more than this no attitude is always wrong by
 BOUNDS = {
@@ -24,8 +27,6 @@ BOUNDS = {
     "floor_s": (-MOST_S, MOST_S),
     "stands": (LEAST, MOST),
     "soft": (-MOST_SCANS, 2.0 * MOST),
-    "looks": (0.0, MOST_LOOKS),
-    "parts": (0.0, 0xFFFFFFFF),
     "tied": (0.0, APART),
 }
 
@@ -42,9 +43,10 @@ def shapes() -> dict[str, tuple[np.dtype[np.generic], tuple[int | None, ...]]]:
 
 
 def of_surface(maps: SurfaceMaps, now_s: float) -> Arrays:
-    """The cells of which anything is known, instants as ages."""
+    """The cells in which something stands or lacks, or beyond a step; instants as ages."""
     flat, grid = maps.cells.reshape(-1), maps.grid
-    at = np.flatnonzero(np.isfinite(flat["var_m2"])).astype(np.int32)
+    bars = (flat["stands"] > CLEAR) | (flat["under_m"] < 0.0) | (flat["tied"] == APART)
+    at = np.flatnonzero(np.isfinite(flat["var_m2"]) & bars).astype(np.int32)
     arrays: Arrays = {
         "cells.corner": np.array([grid.corner_i, grid.corner_j], dtype=np.int64),
         "cells.at": at,
@@ -63,6 +65,9 @@ def into_surface(maps: SurfaceMaps, arrays: Arrays, now_s: float) -> None:
     records = np.zeros(arrays["cells.at"].size, dtype=CELL)
     for name in KEPT:
         records[name] = arrays[f"cells.{name}"]
+    is_apart = records["tied"] == APART
+    records["looks"] = is_apart  # of all others the ground is expected, not seen
+    records["tied"] = np.where(is_apart, APART, LOOSE)
     records["floor_s"] = now_s - arrays["cells.floor_s"]
     maps.go_on_from(arrays["cells.at"], records, arrays["error.static"])
 

@@ -88,14 +88,14 @@ def test_a_restarted_app_goes_on_in_the_same_map_frame(ended: Ended) -> None:
     assert abs(pose.yaw_rad - yaw_rad) < math.radians(1.0)
 
 
-def test_obstacles_stay_and_only_what_is_seen_again_is_free(ended: Ended) -> None:
+def test_obstacles_stay_and_nothing_is_free_on_the_word_of_an_earlier_run(ended: Ended) -> None:
     loop, arrays = ended
     before, now = arrays["window.cells"], loop.app.mapper.maps.window.cells
     assert loop.app.mapper.counts.scans_added > 30
     walls, floor = (before == OBSTACLE).sum(), (before == FREE).sum()
     assert ((now == OBSTACLE) & (before == OBSTACLE)).sum() > 0.95 * walls > 50
     assert floor > 150
-    assert 0 < (now == FREE).sum() < 0.3 * floor
+    assert not (now == FREE).any()  # it stands, and sees no more than a line of floor
     told, now = loop.planner.window(), loop.map_now()
     assert ((told == 2) == (now == OBSTACLE)).all()
     assert ((told == 1) <= (now == FREE)).all()

@@ -98,6 +98,7 @@ def test_unknown_and_missing_sections_and_what_is_no_toml_are_named() -> None:
         ("drive", "invert", [3], "a list, each of it 1 or 2, is [3]"),
         ("scanner", "accepted_status", [1], "a list of whole numbers from 2 to 255, is [1]"),
         ("drive", "right_channel", 1, "must differ from left_channel = 1, is 1"),
+        ("map", "cell_value", "certainty", "'mean' or 'kalman', is 'certainty'"),
         ("map", "cells", 101.0, "a whole number from 3 to 2001, is 101.0"),
         ("map", "cell_m", float("nan"), "from 0.01 to 1, is nan"),
         ("map", "cell_m", 0.0333, "whole millimetres"),

@@ -277,7 +277,7 @@ class SurfaceMaps:
         self._surface.cells[at] = records
         self._surface.tall[at] = (records["stands"] > CLEAR) & np.isfinite(records["top_m"])
         self._error.own[3:] = static_rad
-        self._anchored = self._moved = True
+        self._moved = True
 
     def _forget(self) -> None:
         """Nothing is known of the ground, or of the sweep's error."""

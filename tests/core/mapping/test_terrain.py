@@ -1,5 +1,6 @@
 """Slope, step and roughness against least squares done plainly; layers against their cells."""
 
+import itertools
 import math
 from typing import Any
 
@@ -20,11 +21,9 @@ from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
 SIZE, CELL_M = 9, 0.2
-HEIGHTS = st.dictionaries(
-    st.tuples(st.integers(0, SIZE - 1), st.integers(0, SIZE - 1)),
-    st.tuples(st.floats(-1, 1), st.floats(0, 0.5)),
-    max_size=SIZE * SIZE,
-)
+SLOPES = {"slope_x": 0.1, "slope_y": -0.05}
+RISE_M = 0.03  # of such ground within a cell
+Known = dict[tuple[int, int], tuple[float, float]]  # height and relief of cells
 
 
 class Ground:
@@ -69,7 +68,17 @@ def surface(slope_x: float, slope_y: float) -> Ground:
     return ground
 
 
-def plain(known: dict[tuple[int, int], tuple[float, float]], i: int, j: int) -> list[float]:
+def known_cells(share: float, seed: int) -> Known:
+    """A share of all cells, at any height; in half of these something stands."""
+    random = np.random.default_rng(seed)
+    return {
+        at: (random.uniform(-1.0, 1.0), RISE_M + max(0.0, random.uniform(-0.5, 0.5)))
+        for at in itertools.product(range(SIZE), range(SIZE))
+        if random.random() < share
+    }
+
+
+def plain(known: Known, i: int, j: int) -> list[float]:
     """Slope, step and roughness of one cell, by the book."""
     near = {
         (di, dj): known[i + di, j + dj][0]
@@ -91,17 +100,22 @@ def plain(known: dict[tuple[int, int], tuple[float, float]], i: int, j: int) -> 
 
 
 @settings(max_examples=examples(30), deadline=None)
-@given(heights=HEIGHTS, x_cells=st.integers(-20, 20), y_cells=st.integers(-20, 20))
+@given(
+    share=st.sampled_from([0.1, 0.3, 0.6, 1.0]),
+    seed=st.integers(0, 2**32),
+    x_cells=st.integers(-20, 20),
+    y_cells=st.integers(-20, 20),
+)
 def test_each_known_cell_is_judged_as_least_squares_by_the_book_judge_it(
-    heights: dict[tuple[int, int], tuple[float, float]], x_cells: int, y_cells: int
+    share: float, seed: int, x_cells: int, y_cells: int
 ) -> None:
-    ground = Ground()
+    ground, known = Ground(), known_cells(share, seed)
     ground.grid.follow(x_cells * CELL_M, y_cells * CELL_M)
     low_i, low_j = ground.grid.corner_i, ground.grid.corner_j
     expected = np.full((3, SIZE, SIZE), np.nan)
-    for (i, j), (z_m, relief_m) in heights.items():
-        ground.put(low_i + i, low_j + j, z_m, relief_m)
-        expected[:, (low_j + j) % SIZE, (low_i + i) % SIZE] = plain(heights, i, j)
+    for (i, j), (z_m, relief_m) in known.items():
+        ground.put(low_i + i, low_j + j, z_m, relief_m - RISE_M, **SLOPES)
+        expected[:, (low_j + j) % SIZE, (low_i + i) % SIZE] = plain(known, i, j)
     np.testing.assert_allclose(ground.judged(), expected, atol=2e-6)
     for k, name in ((1, "step"), (2, "roughness")):
         np.testing.assert_allclose(ground.ring(name), expected[k], atol=2e-6)
@@ -145,10 +159,10 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     for ring in (grid, window.grid):
         ring.follow(3.0, -2.0)
     i, j = grid.cell_of(3.1, -2.1)
-    cell = ground.put(i, j, 0.4, 0.1, var_m2=0.01, soft=LIKELY)
+    cell = ground.put(i, j, 0.4, 0.1, var_m2=0.01, soft=LIKELY, under_m=-0.2)
     ring_at = np.array([(j % 5) * 5 + i % 5], dtype=np.int32)
     window.put(ring_at, np.array([OBSTACLE], dtype=np.int8))
-    expected = {"height": 0.1, "variance": 0.01, "z": 0.4, "step": 0.1, "soft": 1, "state": 1}
+    expected = {"height": 0.1, "variance": 0.01, "z": 0.4, "step": 0.3, "soft": 1, "state": 1}
     for name in UNITS:
         found = maybe_surface_ring(name, ground.cells, np.zeros(2), grid, window)
         assert found is not None

@@ -1,4 +1,4 @@
-"""A tiny world in closed formulas for the tests of the shipped method: rays against ground and solids.
+"""A tiny world in closed formulas, for tests of the maps: rays against ground and solids.
 
 The ground is a polyline of height along one direction, level across it, so that steps, ditches and
 ramps are exact; solids are boxes and cylinders, which may move. Metres, frame map: the robot of

@@ -35,8 +35,8 @@ EQUIVALENT: dict[str, str] = {
     f"{DECISION} is_edge: 0 -> 1 (3)": "no cause of missing ground is 1",
     f"{DECISION} _rule_at: 0 < seen <= limits.row -> "
     "0 <= seen <= limits.row": "with no floor at all it is not free, framed or not",
-    f"{DECISION} _rule_at: limits.row < seen <= half -> "
-    "limits.row <= seen <= half": "a row alone is too little anyhow",
+    f"{DECISION} _rule_at: limits.row < seen <= most -> "
+    "limits.row <= seen <= most": "a row alone is too little anyhow",
     f"{FRESHNESS} Freshness.expire: self._passed_s / SWEEP_S -> "
     "self._passed_s * SWEEP_S": "it is one second",
     "core/grid/window.py put_state: 1 -> 2": ANY,

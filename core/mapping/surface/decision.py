@@ -132,11 +132,12 @@ def is_passable(at: int, i: int, j: int, surface: Surface) -> bool:
 def _rule_at(at: int, i: int, j: int, state: int, surface: Surface) -> int:
     """Which rule decides the cell of a surface that is world cell i, j."""
     passable, cell, limits = is_passable(at, i, j, surface), surface.cells[at], surface.limits
-    few, seen, half = limits.row, ones(cell.parts), limits.parts * limits.parts // 2
+    # noise of the range may show floor in a row beyond an edge
+    few, seen, most = limits.row, ones(cell.parts), limits.parts * limits.parts - limits.row
     if 0 < seen <= limits.row and is_framed(i, j, surface):
         few = 0
-    elif limits.row < seen <= half and is_edge(i, j, surface):
-        few = half
+    elif limits.row < seen <= most and is_edge(i, j, surface):
+        few = most
     return rule_of(cell, state, surface.seen_s[at], surface.oldest_s, limits, passable, few)
 
 

@@ -182,15 +182,15 @@ def test_floor_in_few_parts_is_enough_where_what_lacks_is_narrow(
 @pytest.mark.parametrize(
     ("parts", "beside", "is_floor"),
     [
-        (0x00FF, {"under_m": -0.2}, False),
-        (0x01FF, {"under_m": -0.2}, True),
-        (0x00FF, {"under_m": -0.06} | AHEAD, False),  # there may be none
-        (0x00FF, {"under_m": -0.01}, True),
-        (0x00FF, {"under_m": -0.2, "var_m2": math.inf}, True),
-        (0x00FF, {}, True),
+        (0x0FFF, {"under_m": -0.2}, False),
+        (0x1FFF, {"under_m": -0.2}, True),
+        (0x0FFF, {"under_m": -0.06} | AHEAD, False),  # there may be none
+        (0x0FFF, {"under_m": -0.01}, True),
+        (0x0FFF, {"under_m": -0.2, "var_m2": math.inf}, True),
+        (0x0FFF, {}, True),
     ],
 )
-def test_beside_missing_ground_more_than_half_of_a_cell_must_have_floor(
+def test_beside_missing_ground_all_but_a_row_of_a_cell_must_have_floor(
     parts: int, beside: dict[str, Any], is_floor: bool
 ) -> None:
     """Missing in each of the cells around, the first of the map among them, and farther off."""

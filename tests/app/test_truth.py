@@ -26,7 +26,7 @@ def drive(request: pytest.FixtureRequest) -> Drive:
 def test_97_percent_are_right_no_box_is_free_and_the_floor_flat_within_15_mm(drive: Drive) -> None:
     loop, comparisons = drive
     seen = [comparison.seen for comparison in comparisons]
-    assert max(seen) > 23 * loop.since_begin_s
+    assert max(seen) > 18 * loop.since_begin_s  # beside the ramps
     for comparison in comparisons:
         assert comparison.right >= 0.97 * comparison.seen, comparison.wrong
         assert comparison.free_on_obstacle == []  # a box, the ditch

@@ -32,7 +32,7 @@ EQUIVALENT: dict[str, str] = {
     f"{DECISION} rule_of: 0 -> 1": "no cause of missing ground is 1",
     f"{DECISION} rule_of: cell.top_m > HIT * math.sqrt(cell.var_m2 + limits.noise_m2) -> "
     "cell.top_m >= HIT * math.sqrt(cell.var_m2 + limits.noise_m2)": FLOATS,
-    f"{DECISION} is_edge: 0 -> 1 (3)": "no cause of missing ground is 1",
+    f"{DECISION} is_edge: 0 -> 1 (4)": "no cause of missing ground is 1",
     f"{DECISION} _rule_at: 0 < seen <= limits.row -> "
     "0 <= seen <= limits.row": "with no floor at all it is not free, framed or not",
     f"{DECISION} _rule_at: limits.row < seen <= most -> "

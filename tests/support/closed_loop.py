@@ -65,6 +65,23 @@ def heights_of(loop: ClosedLoop) -> F64:
     return np.asarray(heights.reshape(grid.size + 2, grid.size + 2, -1))
 
 
+def are_ramps(loop: ClosedLoop) -> npt.NDArray[np.bool_]:
+    """Which cells of the window lie on a ramp or beside one: floor, whatever its height."""
+    grid = loop.app.mapper.maps.window.grid
+    found = np.zeros((grid.size, grid.size), dtype=bool)
+    x_m, y_m = (
+        (low + np.arange(grid.size) + 0.5) * grid.cell_m for low in (grid.corner_i, grid.corner_j)
+    )
+    for solid in loop.rig.world.scene.solids:
+        if getattr(solid, "rise_rad", 0.0) != 0.0:
+            in_x, in_y = (
+                (at > span[0] - grid.cell_m) & (at < span[1] + grid.cell_m)
+                for at, span in ((x_m, solid.x), (y_m, solid.y))
+            )
+            found |= in_y[:, None] & in_x[None, :]
+    return found
+
+
 def told_heights(maps: SurfaceMaps) -> F64:
     """The map's own heights of the window's cells, from its corner on."""
     grid, source = maps.window.grid, maps.grid
@@ -87,9 +104,10 @@ def compare(loop: ClosedLoop) -> Comparison:
             part = np.s_[dj : dj + grid.size, di : di + grid.size]
             clear &= truth[part] == truth[INNER]
             clear &= (high[part] - low[INNER] < 0.08) | (truth[INNER] == OBSTACLE)
+    clear &= ~are_ramps(loop)
     seen = (cells != UNKNOWN) & clear & (truth[INNER] != UNKNOWN)
     right = seen & (cells == truth[INNER])
-    danger = (np.abs(heights) >= 0.15).mean(-1)[INNER] >= 0.5
+    danger = ((np.abs(heights) >= 0.15).mean(-1)[INNER] >= 0.5) & ~are_ramps(loop)
     flat = (np.abs(high[INNER]) < 1e-3) & (np.abs(low[INNER]) < 1e-3)
 
     def places(mask: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:

@@ -105,11 +105,13 @@ def rule_of(
 
 @kernel
 def is_edge(i: int, j: int, surface: Surface) -> bool:
-    """Whether ground is missing, or may be, beside a world cell."""
+    """Whether ground is missing beside a world cell, or may be: it was due, and not seen."""
     for n in range(9):
         near = index_of(i + n % 3 - 1, j + n // 3 - 1, surface.ring)
         other = surface.cells[max(0, near)]
-        if near >= 0 and other.var_m2 < math.inf and _missing(other, surface.limits) > 0:
+        if near < 0 or other.var_m2 == math.inf or other.under_m == math.inf:
+            continue
+        if other.looks == 0 or _missing(other, surface.limits) > 0:
             return True
     return False
 

@@ -185,6 +185,8 @@ def test_floor_in_few_parts_is_enough_where_what_lacks_is_narrow(
         (0x0FFF, {"under_m": -0.2}, False),
         (0x1FFF, {"under_m": -0.2}, True),
         (0x0FFF, {"under_m": -0.06} | AHEAD, False),  # there may be none
+        (0x0FFF, {"under_m": -0.01} | AHEAD, False),
+        (0x0FFF, AHEAD, True),
         (0x0FFF, {"under_m": -0.01}, True),
         (0x0FFF, {"under_m": -0.2, "var_m2": math.inf}, True),
         (0x0FFF, {}, True),

@@ -540,3 +540,20 @@ def test_the_way_of_some_seconds_is_looked_at_where_it_is_longer_than_that_to_a_
     for seconds, is_seen in ((free_m / 0.5 - 1.0, False), (free_m / 0.5, True)):
         found = zone().look(grid, cells, NOWHERE, (0.5, 0.0), NOWHERE, 0.0, seconds)
         assert math.isfinite(found.free_m) is is_seen
+
+
+def test_what_is_just_within_the_margin_takes_nothing_of_it() -> None:
+    grid, cells = ground((0.9, 0.1, OBSTACLE))
+    place = (0.8 - FRONT_M - MARGIN_M + 0.5 * SLACK_M, 0.1, 0.0)
+    window = (grid.corner_i, grid.corner_j, SIZE)
+    assert clearance(cells, window, CELL_M, place, RECT, MARGIN_M, NOWHERE) == MARGIN_M
+
+
+@pytest.mark.parametrize("k", range(14, 20))
+@pytest.mark.parametrize("side", range(-8, 9, 2))
+def test_fine_cells_that_are_listed_for_many_steps_at_once_are_met_where_they_are(
+    k: int, side: int
+) -> None:
+    grid, cells = ground(((k + 0.5) * 0.05, (side + 0.5) * 0.05, OBSTACLE), cell_m=0.05)
+    found = zone().look(grid, cells, (0.0, 0.0, 0.0), (0.5, 0.0), NOWHERE, 0.5, 0.0)
+    assert found.free_m == pytest.approx(k * 0.05 - FRONT_M - MARGIN_M, abs=0.002)

@@ -53,20 +53,6 @@ def from_centre(x: float, cell_m: float) -> float:
     return x - (math.floor(x / cell_m) + 0.5) * cell_m
 
 
-@kernel
-def index_in(i: int, j: int, corner: tuple[int, int], size: int) -> int:
-    """Flat index of a world cell, -1 outside of the window."""
-    if not (0 <= i - corner[0] < size and 0 <= j - corner[1] < size):
-        return -1
-    return (j % size) * size + i % size
-
-
-@kernel
-def flat_index(x: float, y: float, cell_m: float, corner: tuple[int, int], size: int) -> int:
-    """Flat index of the cell of a point, -1 outside of the window."""
-    return index_in(math.floor(x / cell_m), math.floor(y / cell_m), corner, size)
-
-
 def parts_of(cell_m: float) -> int:
     """Into how many parts along an edge a cell is divided, 1 to 4: each some 5 cm."""
     return max(1, min(MOST_PARTS, round(cell_m / PART_M)))

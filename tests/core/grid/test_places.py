@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from core.grid.places import (
     MOST_PARTS,
+    Ring,
     cell_at,
-    flat_index,
     index_of,
     ones,
     part_bit,
@@ -28,7 +28,7 @@ def test_a_flat_index_is_that_of_the_ring_or_none(
     size, cell_m = 21, 0.25
     i, j = math.floor(x / cell_m), math.floor(y / cell_m)
     inside = all(0 <= a - b < size for a, b in zip((i, j), corner, strict=True))
-    at = flat_index(x, y, cell_m, corner, size)
+    at = cell_at(x, y, Ring(*corner, corner[0] % size, corner[1] % size, size, cell_m))
     assert at == ((j % size) * size + i % size if inside else -1)
 
 

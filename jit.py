@@ -15,10 +15,11 @@ import dis
 import functools
 import hashlib
 import math
+import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import IO, Any, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
 import numpy as np
@@ -198,7 +199,7 @@ class _OnDisk(caching.NullCache):
         before = numba.config.CACHE_LOCATOR_CLASSES
         numba.config.CACHE_LOCATOR_CLASSES = ",".join(f"{__name__}.{place}" for place in PLACES)
         try:
-            return caching.FunctionCache(self._function)
+            return _Kept(self._function)
         finally:
             numba.config.CACHE_LOCATOR_CLASSES = before
 
@@ -215,6 +216,44 @@ class _OnDisk(caching.NullCache):
         """What can't be kept, on a full disk or a system that is read-only, is compiled again."""
         with contextlib.suppress(OSError):
             self._cache.save_overload(signature, compiled)
+
+
+class _Kept(caching.FunctionCache):
+    """Where a kernel's machine code lies, and its files there."""
+
+    def __init__(self, function: FunctionType) -> None:
+        super().__init__(function)
+        place = self._impl.locator
+        self._cache_file = _WholeFiles(
+            place.get_cache_path(), self._impl.filename_base, place.get_source_stamp()
+        )
+
+
+class _WholeFiles(caching.IndexDataCacheFile):
+    """Files that a power cut leaves whole or not at all. A damaged one is as good as none.
+
+    By itself Numba gives a file its name before its content is on the disk: behind a power cut it
+    may be empty, and then no process that needs the kernel comes up again.
+    """
+
+    @contextlib.contextmanager
+    def _open_for_write(self, path: str) -> Iterator[IO[bytes]]:
+        with super()._open_for_write(path) as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+
+    def _load_index(self) -> dict[Any, str]:
+        try:
+            return cast(dict[Any, str], super()._load_index())
+        except Exception:  # noqa: BLE001  what is damaged may raise any when it is unpickled
+            return {}
+
+    def _load_data(self, name: str) -> Any:
+        try:
+            return super()._load_data(name)
+        except Exception as error:
+            raise OSError(f"{name} is damaged") from error  # which Numba takes for a missing file
 
 
 class _ByDigest(caching._CacheLocator):

@@ -1,5 +1,6 @@
 """What compiles a kernel anew, and what does not: no map is drawn by the code of yesterday."""
 
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -196,3 +197,36 @@ def test_code_that_lies_where_nobody_may_write_is_used_and_what_can_t_be_kept_is
         path.unlink()  # of which the index still knows
     assert as_plain_user(lambda: tried(copied)) == "(161.0, 2)"
     (copied / "__pycache__").chmod(0o755)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.999])
+@pytest.mark.parametrize("kind", ["nbi", "nbc"])
+def test_what_a_power_cut_has_left_damaged_is_compiled_anew(
+    copied: Path, kind: str, share: float
+) -> None:
+    damaged = list(copied.rglob(f"*.{kind}"))
+    assert len(damaged) == 2
+    for path in damaged:
+        os.truncate(path, int(share * path.stat().st_size))
+    assert tried(copied) == (161.0, 2)
+    assert tried(copied) == (161.0, 0)
+
+
+def test_a_file_has_its_name_only_once_it_is_on_the_disk(
+    tmp_path: Path, monkeypatch: Patch
+) -> None:
+    flushed: dict[int, int] = {}  # bytes, by inode
+    named = set[tuple[str, bool]]()  # and whether all of it was flushed
+
+    def fsync(handle: int) -> None:
+        flushed[os.fstat(handle).st_ino] = os.fstat(handle).st_size
+
+    def replace(old: str, new: str) -> None:
+        there = os.stat(old)
+        named.add((Path(new).suffix, flushed.get(there.st_ino) == there.st_size > 0))
+        os.rename(old, new)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    monkeypatch.setattr(os, "replace", replace)
+    assert tried(tmp_path) == (161.0, 2)
+    assert named == {(".nbi", True), (".nbc", True)}

@@ -64,8 +64,9 @@ class PublishedMap:
         self._warm()
 
     def _warm(self) -> None:
-        """Run the kernels that only a move or a loss needs: none is compiled in the loop."""
+        """Run what only an obstacle, a move or a loss needs: no kernel is compiled in the loop."""
         self.corner = (0, 0)
+        mark_again(self._cells, self._ring)
         self._enter(self.corner, NO_SPAN)
         self.publish_again()
         self.forget()

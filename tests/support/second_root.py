@@ -41,13 +41,13 @@ def ran(*words: str | Path) -> str:
     return done.stdout
 
 
-def until(done: Callable[[], object], what: str) -> None:
-    """Looks again and again, for a minute at least."""
+def until(done: Callable[[], object], what: str, instead: Callable[[], str] = str) -> None:
+    """Looks again and again, for a minute at least. `instead` says what there is in place of it."""
     for _ in range(LOOKS):
         if done():
             return
         select.select([], [], [], LOOK_S)
-    raise AssertionError(f"it did not come about: {what}")
+    raise AssertionError(f"it did not come about: {what}\n{instead()}")
 
 
 def why_not() -> str:

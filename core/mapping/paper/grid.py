@@ -171,6 +171,12 @@ class PaperGrid:
         if rows != 0:
             _scroll(*self._arrays, rows)
 
+    def warm(self) -> None:
+        """Run the kernels that only a robot which moves needs; the maps stay as they are."""
+        centre_of(0, self.cell_m, self.cells)
+        self.turn(0.0)
+        _scroll(*self._arrays, 0)
+
     def decide(self, touched: I32) -> None:
         """Decide the cells (flat indices) whose averages changed; one at a bound is an obstacle."""
         _decide(touched, self.average_m, self.states, self._h_pos_m, self._h_neg_m)

@@ -156,7 +156,8 @@ class ReferencePlaneMaps:
         self._beams = (0, 0.0, 0.0)
 
     def warm(self) -> None:
-        """The first scan runs all kernels."""
+        """The first scan runs all the others."""
+        self.plane.grid.warm()
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
         if not isinstance(scan, Scan):

@@ -73,8 +73,15 @@ class Robot:
     def version(self) -> str:
         return self.root.said("readlink /opt/mapod/current")
 
-    def all_runs(self) -> bool:
-        return bool(ALL_RUN.fullmatch(self.unit("StatusText")))
+    def comes_to_run(self) -> None:
+        """With all its devices."""
+        until(lambda: ALL_RUN.fullmatch(self.unit("StatusText")), "all devices run", self.how_it_is)
+
+    def how_it_is(self) -> str:
+        """What systemd says of the service, and the end of its log."""
+        state = "systemctl show mapod --property ActiveState,SubState,NRestarts,StatusText"
+        log = "journalctl --unit mapod --output cat --no-pager --lines 100"
+        return self.root.asked(f"{state}; {log}").stdout
 
     def signal(self, name: str) -> float:
         """To the app, as the kernel does: systemd has not asked for it. When, since the epoch."""
@@ -174,7 +181,7 @@ def test_a_flash_brings_a_map_to_the_planner(robot: Robot, bundles: Path) -> Non
     status, said = robot.flashed("--from", bundles / "good.pyz")
     assert status == 0, said
     assert robot.planner.wait_for(lambda _: robot.maps(), PATIENCE_S)
-    until(robot.all_runs, "all devices run")
+    robot.comes_to_run()
     about = robot.root.said(f"cat /proc/{robot.unit('MainPID')}/status")
     assert re.search(r"CapEff:\s0+\n", about)
     assert re.search(r"Seccomp:\s2\n", about)
@@ -197,6 +204,7 @@ def test_a_crash_and_a_loop_that_hangs_are_over_by_themselves(robot: Robot) -> N
     assert log.count("app_started") == 3
     assert log.count("state=running") >= 9  # three devices, three times
     assert "Traceback" not in log
+    assert robot.root.said("find /var/cache/mapod -type f") == ""  # the flash has compiled all
     tell(
         f"the planner has a map again {crashed_s:.1f} s after a crash, {hung_s:.1f} s after a hang"
     )
@@ -229,7 +237,7 @@ def cut_disks(robot: Robot, bundles: Path) -> list[Path]:
 
 
 def test_a_broken_version_goes_back_by_itself(robot: Robot, cut_disks: list[Path]) -> None:
-    until(robot.all_runs, "all devices run")
+    robot.comes_to_run()
     assert robot.planner.wait_for(lambda _: robot.maps(), PATIENCE_S)
     assert robot.root.asked("ls /opt/mapod/trial").returncode != 0
 
@@ -242,7 +250,7 @@ def test_cut_at_any_moment_the_old_version_runs(robot: Robot, cut_disks: list[Pa
         with robot.root.opened() as files:
             trials += (files / "opt/mapod/trial").is_symlink()
         robot.root.boot()
-        until(lambda: robot.unit("ActiveState") == "active", "the app runs")
+        until(lambda: robot.unit("ActiveState") == "active", "the app runs", robot.how_it_is)
         assert robot.version() == good
         assert robot.root.asked("ls /opt/mapod/trial").returncode != 0
         if disk != cut_disks[-1]:
@@ -250,7 +258,7 @@ def test_cut_at_any_moment_the_old_version_runs(robot: Robot, cut_disks: list[Pa
             disk.unlink()
     tell(f"{CUTS} cuts, {trials} of them while the new version was on trial")
     assert trials > 0
-    until(robot.all_runs, "all devices run")
+    robot.comes_to_run()
 
 
 def test_after_a_cut_the_next_flash_works_and_can_be_rolled_back(
@@ -263,9 +271,9 @@ def test_after_a_cut_the_next_flash_works_and_can_be_rolled_back(
     robot.root.cut()
     robot.root.boot()
     assert robot.version() != old  # all of it is on the disk
-    until(robot.all_runs, "all devices run")
+    robot.comes_to_run()
     status, said = robot.flashed("--rollback")
     assert status == 0, said
     assert robot.version() == old
-    until(robot.all_runs, "all devices run")
+    robot.comes_to_run()
     assert robot.planner.wait_for(lambda _: robot.maps(), PATIENCE_S)

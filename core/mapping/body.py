@@ -34,8 +34,7 @@ def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> Bod
     cr, sr, cp, sp = math.cos(roll), math.sin(roll), math.cos(pitch), math.sin(pitch)
     cy, sy = math.cos(yaw), math.sin(yaw)
     nx, ny, nz = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr  # the body's z axis
-    x_m, y_m, z_m = odometry.xyz_at(t_s).tolist()
-    travel_m = odometry.travel_at(t_s)
+    x_m, y_m, z_m, travel_m = odometry.place_at(t_s)
     return BodyPose(x_m, y_m, z_m, (cy, sy), (-nx / nz, -ny / nz), travel_m, t_s)
 
 

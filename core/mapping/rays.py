@@ -13,8 +13,9 @@ from msgspec import Struct
 
 from core.config import Scanner
 from core.geometry import R_from_rpy
-from core.motion.attitude import AttitudeRing, q_between
+from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
+from core.motion.path import Place
 from core.records import F64, PointSweep, Scan
 from jit import kernel
 
@@ -24,14 +25,26 @@ MIN_RANGE_M = 0.15  # nearer is a scanner's own housing, or the robot's body
 
 
 @kernel
-def _turned(q: F64, cy: float, sy: float, v: Vector) -> Vector:
-    """From the body to the earth frame by `q`, then by the heading at the start."""
-    w, x, y, z = q[0], q[1], q[2], q[3]
-    bx, by, bz = v
-    ex = (1 - 2 * (y * y + z * z)) * bx + 2 * (x * y - w * z) * by + 2 * (x * z + w * y) * bz
-    ey = 2 * (x * y + w * z) * bx + (1 - 2 * (x * x + z * z)) * by + 2 * (y * z - w * x) * bz
-    ez = 2 * (x * z - w * y) * bx + 2 * (y * z + w * x) * by + (1 - 2 * (x * x + y * y)) * bz
-    return cy * ex - sy * ey, sy * ex + cy * ey, ez
+def _turn_between(
+    q: F64, a: int, b: int, share: float, heading: tuple[float, float], R: F64
+) -> None:
+    """The rotation (3, 3) of a share of the way from sample a of q (n, 4) to b, then of a heading.
+
+    Along the shorter arc: the sum of both quaternions, whose length is divided out at last.
+    """
+    dot = q[a, 0] * q[b, 0] + q[a, 1] * q[b, 1] + q[a, 2] * q[b, 2] + q[a, 3] * q[b, 3]
+    c, s = 1.0 - share, share if dot >= 0.0 else -share
+    w, x = c * q[a, 0] + s * q[b, 0], c * q[a, 1] + s * q[b, 1]
+    y, z = c * q[a, 2] + s * q[b, 2], c * q[a, 3] + s * q[b, 3]
+    ww, xx, yy, zz = w * w, x * x, y * y, z * z
+    length2 = ww + xx + yy + zz
+    cy, sy, k = heading[0] / length2, heading[1] / length2, 1.0 / length2
+    ahead = ww + xx - yy - zz, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    left = 2.0 * (x * y + w * z), ww - xx + yy - zz, 2.0 * (y * z - w * x)
+    up = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), ww - xx - yy + zz
+    for n in range(3):
+        R[0, n], R[1, n] = cy * ahead[n] - sy * left[n], sy * ahead[n] + cy * left[n]
+        R[2, n] = k * up[n]
 
 
 @kernel
@@ -67,20 +80,20 @@ def _cast(
     start: int,
     count: int,
     yaw_start_rad: float,
-    first: F64,
-    last: F64,
-    q: F64,
+    first: Place,
+    last: Place,
+    R: F64,
     from_map: F64,
     rays: F64,
 ) -> None:
     """Fills `from_map` and `rays` (n, 3), map frame.
 
     `fan` is origins and directions (n, 3) in the body's frame, and times (n,); `first` and `last`
-    (3,) are where the body was at the first and at the last beam; in `q` (4,) it turns.
+    are where the body was at the first and at the last beam; `R` (3, 3) is room for how it lies.
     """
     origins, directions, times_s = fan
     n, kept = times_s.size, attitude_t_s.size
-    cy, sy = math.cos(-yaw_start_rad), math.sin(-yaw_start_rad)
+    heading = math.cos(-yaw_start_rad), math.sin(-yaw_start_rad)
     a = newest = (start + count - 2) % kept  # the sample before a beam: near the last one's
     b = (a + 1) % kept  # and the one after it
     for i in range(n):
@@ -89,13 +102,15 @@ def _cast(
             a, b = b, b + 1 if b + 1 < kept else 0
         while a != start and attitude_t_s[a] > at_s:
             a, b = a - 1 if a > 0 else kept - 1, a
-        q_between(attitude_t_s, q_earth_body, a, b, at_s, q)
+        turned = (at_s - attitude_t_s[a]) / (attitude_t_s[b] - attitude_t_s[a])
+        _turn_between(q_earth_body, a, b, turned, heading, R)
         share = i / (n - 1) if n > 1 else 0.0
-        ray = _turned(q, cy, sy, (directions[i, 0], directions[i, 1], directions[i, 2]))
-        arm = _turned(q, cy, sy, (origins[i, 0], origins[i, 1], origins[i, 2]))
+        x, y, z = origins[i]
+        u, v, w = directions[i]
         for k in range(3):
-            from_map[i, k] = (1 - share) * first[k] + share * last[k] + arm[k]
-            rays[i, k] = ray[k]
+            arm = R[k, 0] * x + R[k, 1] * y + R[k, 2] * z
+            from_map[i, k] = (1.0 - share) * first[k] + share * last[k] + arm
+            rays[i, k] = R[k, 0] * u + R[k, 1] * v + R[k, 2] * w
 
 
 @kernel
@@ -179,7 +194,7 @@ class BeamGeometry:
         self._t_body_sensor: Vector = mount_xyz_m
         self._origins, self._directions = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
         self._fan = (0, 0.0, 0.0)  # beams, first and step of the directions there are
-        self._times_s, self._q = np.zeros(max_beams), np.zeros(4)
+        self._times_s, self._R = np.zeros(max_beams), np.zeros((3, 3))
         self._from_map, self._rays = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
 
     def _on_body(self, scan: Scan | PointSweep) -> tuple[F64, F64, F64]:
@@ -217,9 +232,9 @@ class BeamGeometry:
             attitudes.start,
             attitudes.count_ahead,
             odometry.yaw_start_rad,
-            odometry.xyz_at(first_s),
-            odometry.xyz_at(last_s),
-            self._q,
+            odometry.place_at(first_s),
+            odometry.place_at(last_s),
+            self._R,
             from_map,
             rays,
         )

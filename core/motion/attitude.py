@@ -66,13 +66,8 @@ def _index_before(t_s: F64, start: int, count: int, at_s: float) -> int:
 @kernel
 def q_at(t_s: F64, q: F64, start: int, count: int, at_s: float, out: F64) -> None:
     """Orientation at a covered instant, interpolated along the shorter arc, into `out` (4,)."""
-    k = _index_before(t_s, start, count, at_s)
-    q_between(t_s, q, (start + k) % t_s.size, (start + k + 1) % t_s.size, at_s, out)
-
-
-@kernel
-def q_between(t_s: F64, q: F64, a: int, b: int, at_s: float, out: F64) -> None:
-    """The same between two samples, by their places."""
+    k = start + _index_before(t_s, start, count, at_s)
+    a, b = k % t_s.size, (k + 1) % t_s.size
     share = (at_s - t_s[a]) / (t_s[b] - t_s[a])
     dot = 0.0
     for n in range(4):

@@ -18,7 +18,7 @@ from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
 from core.motion.error_state import SCALE, SIZE, YAW, X, Y, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
-from core.motion.path import Path
+from core.motion.path import Path, Place
 from core.motion.slip import SIGMA_M
 from core.motion.wheel_check import Turn, WheelCheck
 from core.records import F64, ExternalPose, WheelCounts
@@ -216,7 +216,7 @@ class Odometry:
         if t_s > self.newest_s + EXTRAPOLATED_S:
             self._break(t_s, "neither the wheels nor the positioning system told the place")
         elif t_s > self.newest_s:
-            x_m, y_m, z_m = self.xyz_at(t_s).tolist()
+            x_m, y_m, z_m, _ = self.place_at(t_s)
             self._path.append(t_s, x_m, y_m, z_m, self._path.travel_m)
         self.wheels.restart()
 
@@ -313,7 +313,8 @@ class Odometry:
     def _replace(self, pose: ExternalPose, yaw_rad: float) -> None:
         """The wheels are silent: the place is where the positioning system says."""
         dt_s = pose.t_s - self.newest_s
-        unseen_m, before, used = UNSEEN_MPS * dt_s, self._path.newest_xyz_m, self.positioning.used
+        unseen_m, used = UNSEEN_MPS * dt_s, self.positioning.used
+        before = np.array(self._path.newest_m[:3])
         travel(self._state.P, 0.0, 0.0, unseen_m**2, unseen_m**2)
         here_m = before[:2] + self._state.value[[X, Y]]
         leaps = self.positioning.take(pose, here_m, yaw_rad, JUMP_M + unseen_m)
@@ -348,43 +349,33 @@ class Odometry:
 
     def xy_at(self, at_s: float) -> F64:
         """Position (2,) in the map frame at a covered instant."""
-        return self.xyz_at(at_s)[:2]
+        return np.array(self.place_at(at_s)[:2])
 
-    def xyz_at(self, at_s: float) -> F64:
-        """Position (3,) in the map frame at a covered instant; z from travel and pitch alone."""
+    def place_at(self, at_s: float) -> Place:
+        """Position (map frame; z from travel and pitch alone) and travel at a covered instant.
+
+        Behind the newest place it goes on at the newest speed.
+        """
         ahead_s = at_s - self._path.newest_s
         if ahead_s <= 0:
-            return np.array(self._path.at(at_s)[:3])
-        return self._path.newest_xyz_m + self._on_from_newest(ahead_s)
-
-    def _on_from_newest(self, ahead_s: float) -> tuple[float, float, float]:
-        """The way x, y, z gone on since the newest place, at the newest speed."""
+            return self._path.at(at_s)
         middle_s = min(self._path.newest_s + ahead_s / 2, self._attitudes.newest_s)
         _, pitch_rad, yaw_rad = self._attitudes.rpy_at(middle_s)
-        return self._along(self.v_mps * ahead_s, pitch_rad, yaw_rad)
+        gone_m = self.v_mps * ahead_s
+        dx_m, dy_m, dz_m = self._along(gone_m, pitch_rad, yaw_rad)
+        x_m, y_m, z_m, travel_m = self._path.newest_m
+        return x_m + dx_m, y_m + dy_m, z_m + dz_m, travel_m + gone_m / self.scale
 
     @property
     def travel_m(self) -> float:
         """Mean of both wheels' signed travel since the start, at the newest laid pair."""
         return self._path.travel_m
 
-    def travel_at(self, at_s: float) -> float:
-        """The same at a covered instant."""
-        ahead_s = at_s - self._path.newest_s
-        if ahead_s <= 0:
-            return self._path.at(at_s)[3]
-        return self._path.travel_m + self.v_mps / self.scale * ahead_s
-
     def maybe_pose(self, at_s: float) -> Pose | None:
         """The newest knowable pose: position at `at_s`, attitude the newest there is before it."""
         if not self._attitudes.count or not self.covers(at_s, at_s):
             return None
-        ahead_s = at_s - self._path.newest_s
-        if ahead_s <= 0:
-            x_m, y_m, _, _ = self._path.at(at_s)
-        else:  # as `xyz_at` does, without arrays: twice a tick
-            dx_m, dy_m, _ = self._on_from_newest(ahead_s)
-            x_m, y_m = self._path.newest_m[0] + dx_m, self._path.newest_m[1] + dy_m
+        x_m, y_m, _, _ = self.place_at(at_s)
         roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()
         yaw_map_rad = wrapped(yaw_rad - self.yaw_start_rad)
         return Pose(at_s, x_m, y_m, yaw_map_rad, pitch_rad, roll_rad)

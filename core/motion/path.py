@@ -54,11 +54,6 @@ class Path:
         return float(self._t_s[self._first]) if self._used else math.inf
 
     @property
-    def newest_xyz_m(self) -> F64:
-        """(3,) of the newest; there must be one."""
-        return np.array(self.newest_m[:3])
-
-    @property
     def travel_m(self) -> float:
         """Of the newest place; 0 when there is none."""
         return self.newest_m[3]

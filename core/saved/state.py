@@ -36,14 +36,14 @@ def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
     pose = mapper.maybe_pose(now_s)
     if pose is None:
         raise StateError("the robot's pose is not known now")
-    z_m = float(mapper.odometry.xyz_at(now_s)[2])
+    _, _, z_m, travel_m = mapper.odometry.place_at(now_s)
     maps = mapper.maps
     arrays: Arrays = {
         "format": np.array(FORMAT),
         "version": np.array(VERSION, dtype=np.int64),
         "settings": np.array(settings_of(config)),
         "pose": np.array([pose.x_m, pose.y_m, z_m, pose.yaw_rad]),
-        "travel_m": np.array(mapper.odometry.travel_at(now_s)),
+        "travel_m": np.array(travel_m),
         "motion": np.array([mapper.odometry.v_mps, mapper.odometry.w_radps]),
         **_of_window(maps.window),
     }

@@ -6,7 +6,8 @@ import numpy as np
 
 from core.mapping.rays import Sweep
 from core.mapping.surface.maps import SurfaceMaps
-from core.records import F64, PointSweep
+from core.motion.path import Place
+from core.records import PointSweep
 from tests.support.flat_ride import config_of
 
 Point = tuple[float, float, float]
@@ -45,11 +46,8 @@ class Motion:
     def rpy_at(self, t_s: float) -> tuple[float, float, float]:
         return 0.0, 0.0, 0.0
 
-    def xyz_at(self, t_s: float) -> F64:
-        return np.array([self.x_m, self.y_m, 0.0])
-
-    def travel_at(self, t_s: float) -> float:
-        return self.travel_m
+    def place_at(self, t_s: float) -> Place:
+        return self.x_m, self.y_m, 0.0, self.travel_m
 
     def correct_slip(self, heading: tuple[float, float], slipped_m: float) -> None:
         raise AssertionError("this robot does not slip")

@@ -72,7 +72,7 @@ def _measure_straight(
 def _gone_m(app: App, kind: str, test: Trial) -> float:
     """How far the robot has gone: what the wheels count, or the place in the map."""
     if kind == "reference_plane":
-        return app.mapper.odometry.travel_at(app.mapper.newest_scan_s)
+        return app.mapper.odometry.place_at(app.mapper.newest_scan_s)[3]
     return test.view(kind).pose[0]
 
 

@@ -167,7 +167,7 @@ class ReferencePlaneMaps:
         roll_rad, pitch_rad, yaw_rad = attitudes.rpy_at(last_s)
         ranges_m = np.where(scan.ranges_m[0] >= MIN_RANGE_M, scan.ranges_m[0], np.nan)
         restarts = self.plane.restarts
-        used = self.plane.add(ranges_m, yaw_rad, pitch_rad, roll_rad, odometry.travel_at(last_s))
+        used = self.plane.add(ranges_m, yaw_rad, pitch_rad, roll_rad, odometry.place_at(last_s)[3])
         if self.plane.restarts != restarts:
             self.window.erase()
         self._show(last_s, odometry.xy_at(last_s), yaw_rad - odometry.yaw_start_rad)

@@ -80,7 +80,7 @@ def test_points_equal_a_plain_transcription_at_each_beams_own_instant(
         R_map_body = R_from_rpy(roll, pitch, yaw - odometry.yaw_start_rad)
         bearing = scan.first_rad + i * scan.step_rad
         beam = ranges_m[0, i] * np.array([math.cos(bearing), math.sin(bearing), 0.0])
-        lens = odometry.xyz_at(t) + R_map_body @ [0.3, -0.1, 1.0]
+        lens = odometry.place_at(t)[:3] + R_map_body @ [0.3, -0.1, 1.0]
         np.testing.assert_allclose(sweep.origins[i], lens, atol=1e-6)
         np.testing.assert_allclose(points[i], lens + R_map_body @ R_body_sensor @ beam, atol=1e-5)
     assert sweep.t_s == pytest.approx(scan.t_s + 39 * DT_S)

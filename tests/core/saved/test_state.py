@@ -89,7 +89,7 @@ def test_a_run_goes_on_in_the_same_map_when_the_robot_stands_where_it_stood(meth
     assert pose is not None
     assert (pose.x_m, pose.y_m) == pytest.approx((0.5, -0.25))
     assert pose.yaw_rad == pytest.approx(1.0)
-    assert mapper.odometry.xyz_at(LATER_S + END_S)[2] == pytest.approx(0.125)
+    assert mapper.odometry.place_at(LATER_S + END_S)[2] == pytest.approx(0.125)
     assert mapper.odometry.travel_m == pytest.approx(7.0)
 
 

@@ -64,7 +64,7 @@ class HeightsTaker:
     """The heights of the cells of the obstacle map, row by row, and their variances."""
 
     def __init__(self, notes: Notes, mapper: Mapper) -> None:
-        self._notes, self._maps = notes, mapper.maps
+        self._notes, self._mapper = notes, mapper
         size = mapper.maps.window.grid.size
         self._size, self._rows = size, max(1, CELLS // size)  # of one step
         self._columns = np.tile(np.arange(size), self._rows)
@@ -73,7 +73,7 @@ class HeightsTaker:
 
     def step(self, now_s: float) -> None:
         """Some rows more, as a record of their own: a large one would take long by itself."""
-        size, grid = self._size, self._maps.window.grid
+        size, grid = self._size, self._mapper.maps.window.grid
         if self._row >= size:
             if now_s - self._begun_s < max(HEIGHTS_S, size**2 / CELLS_PER_S):
                 return
@@ -83,7 +83,7 @@ class HeightsTaker:
         j = self._corner[1] + self._row + self._in_rows[:count]
         heights = []
         for name in ("height", "variance"):
-            values = self._maps.maybe_values(name, i, j)
+            values = self._mapper.maybe_values(name, i, j)
             values = np.full(count, np.nan) if values is None else values
             heights.append(values.astype("<f4").tobytes())
         data = pack_heights(size, self._corner, grid.cell_m, self._row, heights)

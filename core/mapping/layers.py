@@ -6,14 +6,13 @@ trusted. A cell may have a state and no height: missing floor is known by what d
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
-from core.mapping.freshness import Freshness
 from core.mapping.surface.cells import Cells
 from core.mapping.surface.constants import LIKELY
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
@@ -60,20 +59,6 @@ def at_cells(grid: RingGrid, i: I64, j: I64, ring: npt.NDArray[Any]) -> F64:
     return _only_inside(grid, i, j, ring[j % grid.size, i % grid.size])
 
 
-def states_at(window: ObstacleWindow, i: I64, j: I64) -> F64:
-    """States (n,) at world cells; NaN where nothing is known."""
-    states = at_cells(window.grid, i, j, window.cells)
-    return np.where(states == UNKNOWN, np.nan, states)
-
-
-def ages_at(fresh: Freshness, grid: RingGrid, i: I64, j: I64) -> F64:
-    """Seconds (n,) from when world cells were last met, passed or stood on to the newest scan.
-
-    `fresh` is of the cells of `grid`. NaN: never in this run, or outside.
-    """
-    return fresh.ages_s(at_cells(grid, i, j, fresh.seen_s.reshape(grid.size, grid.size)))
-
-
 def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
     """A layer (size, size) of a ring, unrolled."""
     shift = (-(grid.corner_j % grid.size), -(grid.corner_i % grid.size))
@@ -81,9 +66,37 @@ def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
     return LayerView(name, values, grid.corner_i, grid.corner_j, grid.cell_m)
 
 
-def state_view(window: ObstacleWindow) -> LayerView:
-    cells = window.cells
-    return view_of("state", window.grid, np.where(cells == UNKNOWN, np.nan, cells))
+class Layered(Protocol):
+    """A map of which layers can be told."""
+
+    window: ObstacleWindow
+
+    def maybe_ring(self, name: str) -> RingLayer | None: ...
+
+    def causes(self, i: I64, j: I64) -> F64: ...
+
+    def ages_s(self, i: I64, j: I64) -> F64: ...
+
+
+def _maybe_ring(maps: Layered, name: str) -> RingLayer | None:
+    if name != "state":
+        return maps.maybe_ring(name)
+    window = maps.window
+    return window.grid, np.where(window.cells == UNKNOWN, np.nan, window.cells)
+
+
+def maybe_layer(maps: Layered, name: str) -> LayerView | None:
+    """A layer by its name in `UNITS`; none where the method has none."""
+    ring = _maybe_ring(maps, name)
+    return None if ring is None else view_of(name, *ring)
+
+
+def maybe_values(maps: Layered, name: str, i: I64, j: I64) -> F64 | None:
+    """What a layer, or one of `ON_ASKING`, holds at world cells i, j (n,); NaN: not known."""
+    if name in ON_ASKING:
+        return maps.causes(i, j) if name == "cause" else maps.ages_s(i, j)
+    ring = _maybe_ring(maps, name)
+    return None if ring is None else at_cells(ring[0], i, j, ring[1])
 
 
 def heights_of(cells: Cells, static_rad: F64) -> F64:
@@ -102,13 +115,11 @@ def _over_ground_m(cells: Cells) -> F64:
 
 
 def maybe_surface_ring(
-    name: str, cells: Cells, static_rad: F64, grid: RingGrid, window: ObstacleWindow
+    name: str, cells: Cells, static_rad: F64, grid: RingGrid
 ) -> RingLayer | None:
-    """A layer of method `surface`, as `heights_of`, or of its window; none: there is no such."""
+    """A layer of method `surface`, as `heights_of`; none: there is no such."""
     height_m, is_seen = _over_ground_m(cells), cells["looks"] > 0
     steep_x, steep_y = cells["slope_x"], cells["slope_y"]
-    if name == "state":
-        return window.grid, np.where(window.cells == UNKNOWN, np.nan, window.cells)
     if name == "height":
         return grid, height_m
     if name == "z":

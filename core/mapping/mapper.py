@@ -10,6 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.config import Config
+from core.mapping import layers
 from core.mapping.layers import LayerView
 from core.mapping.method import MAX_SLOPE_RAD, Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
@@ -17,7 +18,7 @@ from core.mapping.rays import check_sweep, span_s
 from core.mapping.surface.maps import SurfaceMaps
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry, Pose
-from core.records import F64, Attitude, ObstacleMap, PointSweep, Scan, WheelCounts
+from core.records import F64, I64, Attitude, ObstacleMap, PointSweep, Scan, WheelCounts
 
 WAIT_S = 0.08  # a scan's longest wait: five lost attitude samples and a burst of 16 ms
 WAITING = 4  # scans; fewer than the scanner codec has slots
@@ -146,7 +147,11 @@ class Mapper:
 
     def maybe_layer(self, name: str) -> LayerView | None:
         """A layer by its name in `core.mapping.layers.UNITS`, a copy; None where there is none."""
-        return self.maps.maybe_layer(name)
+        return layers.maybe_layer(self.maps, name)
+
+    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
+        """The same, or one of `core.mapping.layers.ON_ASKING`, at world cells i, j (n,)."""
+        return layers.maybe_values(self.maps, name, i, j)
 
     def window(self, trusted: bool) -> ObstacleMap:
         """The obstacle map and what changed in it since the last call."""

@@ -4,7 +4,7 @@ from typing import Protocol
 
 from core.grid.window import ObstacleWindow
 from core.mapping.freshness import Freshness
-from core.mapping.layers import LayerView
+from core.mapping.layers import RingLayer
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I64, PointSweep, Scan
@@ -27,14 +27,17 @@ class Maps(Protocol):
     def erase(self) -> None:
         """Forget everything: nothing in it can be placed any more."""
 
-    def maybe_layer(self, name: str) -> LayerView | None:
-        """A layer by its name in `core.mapping.layers.UNITS`; none where the method has none."""
+    def maybe_ring(self, name: str) -> RingLayer | None:
+        """A layer by its name in `core.mapping.layers.UNITS`, but "state"; none where it has none.
 
-    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
-        """What a layer holds at world cells i, j (n,); NaN: not known. None: no such layer.
-
-        Besides those of UNITS there are `core.mapping.layers.ON_ASKING`.
+        NaN: not known.
         """
+
+    def causes(self, i: I64, j: I64) -> F64:
+        """Codes (n,) of `core.mapping.causes`: why the window shows what it does at world cells."""
+
+    def ages_s(self, i: I64, j: I64) -> F64:
+        """Seconds (n,) since world cells were met, passed or stood on; NaN: never, or outside."""
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell inside of the window, by what it counts."""

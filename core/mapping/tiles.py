@@ -45,15 +45,15 @@ class TileValues:
         Returns:
             (count,); NaN: not known. None: this method has no such layer.
         """
-        at, maps = np.arange(first, first + count, dtype=np.int64), self._mapper.maps
+        at, mapper = np.arange(first, first + count, dtype=np.int64), self._mapper
         column, row = i + at % width, j + at // width
-        values = maps.maybe_values(layer, column, row)
+        values = mapper.maybe_values(layer, column, row)
         if values is None:
             return None
         if layer == "age":
-            values = values + max(0.0, self.now_s - maps.fresh.now_s)
+            values = values + max(0.0, self.now_s - mapper.maps.fresh.now_s)
         if self.doubt:
-            states = maps.maybe_values("state", column, row)
+            states = mapper.maybe_values("state", column, row)
             assert states is not None
             if layer == "cause":
                 held = np.where(values == OUTSIDE, OUTSIDE, self.doubt)

@@ -93,9 +93,8 @@ class CellWatch:
             return
         self._scan = scan
         i, j = np.array([self.cell[0]]), np.array([self.cell[1]])
-        states, causes = (mapper.maps.maybe_values(name, i, j) for name in ("state", "cause"))
+        states, causes = mapper.maybe_values("state", i, j), mapper.maps.causes(i, j)
         assert states is not None
-        assert causes is not None
         state = int(np.nan_to_num(states[0]))
         if state != self._state:
             self._state = state

@@ -123,7 +123,7 @@ def cell_facts(app: App, cell: Cell | None) -> dict[str, Any] | None:
     i, j = np.array([cell[0]]), np.array([cell[1]])
 
     def value(name: str) -> float | None:
-        values = maps.maybe_values(name, i, j)
+        values = app.mapper.maybe_values(name, i, j)
         return None if values is None or math.isnan(values[0]) else float(values[0])
 
     cause = int(value("cause") or OUTSIDE)

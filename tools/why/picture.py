@@ -43,8 +43,7 @@ class Picture:
         )
         self._px = max(1, EDGE_PX // grid.size)
         j, i = np.indices((grid.size, grid.size)).reshape(2, -1)
-        found = maps.maybe_values("cause", i + grid.corner_i, j + grid.corner_j)
-        assert found is not None
+        found = maps.causes(i + grid.corner_i, j + grid.corner_j)
         cells = colours_of(found.astype(int)).reshape(grid.size, grid.size, 3)
         self.pixels: Pixels = cells.repeat(self._px, axis=0).repeat(self._px, axis=1)[::-1].copy()
 

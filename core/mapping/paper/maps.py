@@ -17,7 +17,7 @@ from core.grid.window import ObstacleWindow
 from core.mapping import causes
 from core.mapping.causes import AGED, BEYOND_METHOD, EARLIER_RUN, OUTSIDE, UNSEEN
 from core.mapping.freshness import Freshness
-from core.mapping.layers import LayerView, at_cells, state_view, states_at, view_of
+from core.mapping.layers import RingLayer, at_cells
 from core.mapping.paper.grid import centre_of, index_of, rule_of, state_of
 from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
 from core.mapping.rays import MIN_RANGE_M
@@ -207,25 +207,9 @@ class ReferencePlaneMaps:
         )
         self.window.put(self._at[:changed], self._new[:changed])
 
-    def maybe_layer(self, name: str) -> LayerView | None:
-        """Height above the reference, or state; none for any other name."""
-        if name == "state":
-            return state_view(self.window)
-        return view_of(name, self.window.grid, self.heights_m()) if name == "height" else None
-
-    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
-        if name == "state":
-            return states_at(self.window, i, j)
-        if name == "cause":
-            return self._causes(i, j).astype(np.float64)
-        if name == "age":
-            return self._ages_s(i, j)
-        if name != "height":
-            return None
-        sources = at_cells(self.window.grid, i, j, self._source)
-        known = sources >= 0
-        averages_m = self.plane.elevation_m.ravel()
-        return np.where(known, averages_m[np.where(known, sources, 0).astype(int)], np.nan)
+    def maybe_ring(self, name: str) -> RingLayer | None:
+        """Height above the reference; none for any other name."""
+        return (self.window.grid, self.heights_m()) if name == "height" else None
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """Nothing that is not in its layers."""
@@ -238,7 +222,7 @@ class ReferencePlaneMaps:
         found = at_cells(self.window.grid, i, j, flat)
         return np.where(np.isnan(found), -1, found).astype(np.int32)
 
-    def _causes(self, i: I64, j: I64) -> U8:
+    def causes(self, i: I64, j: I64) -> F64:
         plane, settings, fresh = self.plane.grid, self.plane.settings, self.fresh
         found: U8 = np.zeros(i.size, dtype=np.uint8)
         _list_causes(
@@ -252,10 +236,10 @@ class ReferencePlaneMaps:
             self.window.cells.ravel(),
             found,
         )
-        return found
+        return found.astype(np.float64)
 
-    def _ages_s(self, i: I64, j: I64) -> F64:
-        """As `ages_at`: of the paper's cells that beams met, and ours that the robot stood on."""
+    def ages_s(self, i: I64, j: I64) -> F64:
+        """Of the paper's cells that beams met, and ours that the robot stood on."""
         at, fresh = self._cells(i, j), self.fresh
         sources = np.where(at < 0, NOWHERE, self._source.ravel()[at])
         met_s = np.where(sources == NOWHERE, -np.inf, self.plane.grid.seen_s.ravel()[sources])

@@ -244,23 +244,14 @@ class SurfaceMaps:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
         return layers.heights_of(self.cells, self.static_rad)
 
-    def _maybe_ring(self, name: str) -> layers.RingLayer | None:
-        cells, static_rad = self.cells, self.static_rad
-        return layers.maybe_surface_ring(name, cells, static_rad, self.grid, self.window)
+    def ages_s(self, i: I64, j: I64) -> F64:
+        """Seconds (n,) since world cells were met, passed or stood on; NaN: never, or outside."""
+        seen_s = self.fresh.seen_s.reshape(self.cells.shape)
+        return self.fresh.ages_s(layers.at_cells(self.grid, i, j, seen_s))
 
-    def maybe_layer(self, name: str) -> layers.LayerView | None:
+    def maybe_ring(self, name: str) -> layers.RingLayer | None:
         """A layer by its name; none where there is none."""
-        ring = self._maybe_ring(name)
-        return None if ring is None else layers.view_of(name, *ring)
-
-    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
-        """Of a layer, at world cells."""
-        if name == "cause":
-            return self.causes(i, j)
-        if name == "age":
-            return layers.ages_at(self.fresh, self.grid, i, j)
-        ring = self._maybe_ring(name)
-        return None if ring is None else layers.at_cells(ring[0], i, j, ring[1])
+        return layers.maybe_surface_ring(name, self.cells, self.static_rad, self.grid)
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell, by what it counts."""

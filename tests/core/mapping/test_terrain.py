@@ -11,12 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.grid.ring import RingGrid
-from core.grid.window import ObstacleWindow
 from core.mapping.layers import UNITS, maybe_surface_ring, view_of
 from core.mapping.surface.cells import BLANK, CELL, Cells
 from core.mapping.surface.constants import LIKELY
 from core.mapping.terrain import around, terrain_of
-from core.records import OBSTACLE
 from tests.support.cases import examples
 
 F64 = npt.NDArray[np.float64]
@@ -30,7 +28,7 @@ class Ground:
     """Cells of a ring whose heights are put in by hand."""
 
     def __init__(self) -> None:
-        self.grid, self.window = RingGrid(SIZE, CELL_M), ObstacleWindow(5, CELL_M)
+        self.grid = RingGrid(SIZE, CELL_M)
         self.cells: Cells = self.grid.layer(CELL, BLANK)
 
     def put(self, i: int, j: int, z_m: float, relief_m: float = 0.0, **fields: float) -> Any:
@@ -44,7 +42,7 @@ class Ground:
 
     def ring(self, name: str) -> F64:
         """A layer (SIZE, SIZE), a ring as the cells."""
-        found = maybe_surface_ring(name, self.cells, np.zeros(2), self.grid, self.window)
+        found = maybe_surface_ring(name, self.cells, np.zeros(2), self.grid)
         assert found is not None
         return np.asarray(found[1])
 
@@ -155,16 +153,13 @@ def test_what_enters_the_window_is_not_known_and_an_erased_map_has_nothing() -> 
 
 def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     ground = Ground()
-    grid, window = ground.grid, ground.window
-    for ring in (grid, window.grid):
-        ring.follow(3.0, -2.0)
+    grid = ground.grid
+    grid.follow(3.0, -2.0)
     i, j = grid.cell_of(3.1, -2.1)
     cell = ground.put(i, j, 0.4, 0.1, var_m2=0.01, soft=LIKELY, under_m=-0.2)
-    ring_at = np.array([(j % 5) * 5 + i % 5], dtype=np.int32)
-    window.put(ring_at, np.array([OBSTACLE], dtype=np.int8))
-    expected = {"height": 0.1, "variance": 0.01, "z": 0.4, "step": 0.3, "soft": 1, "state": 1}
-    for name in UNITS:
-        found = maybe_surface_ring(name, ground.cells, np.zeros(2), grid, window)
+    expected = {"height": 0.1, "variance": 0.01, "z": 0.4, "step": 0.3, "soft": 1}
+    for name in UNITS.keys() - {"state"}:
+        found = maybe_surface_ring(name, ground.cells, np.zeros(2), grid)
         assert found is not None
         view = view_of(name, *found)
         assert view.name == name
@@ -174,7 +169,7 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
             assert here == pytest.approx(expected[name], abs=1e-6)
             assert np.isnan(view.values).sum() == view.values.size - 1
         view.values[...] = 7.0  # it is a copy
-    assert (np.isfinite(ground.cells["var_m2"])).sum() == window.cells.sum() == 1
+    assert np.isfinite(ground.cells["var_m2"]).sum() == 1
     cell["soft"] = 0.0
     assert np.nanmax(ground.ring("soft")) == 0
-    assert maybe_surface_ring("colour", ground.cells, np.zeros(2), grid, window) is None
+    assert maybe_surface_ring("colour", ground.cells, np.zeros(2), grid) is None

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
 from core.config import Config
+from core.mapping.layers import maybe_layer
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import FREE, OBSTACLE, UNKNOWN, WheelCounts
@@ -195,13 +196,13 @@ def test_heights_stand_where_the_window_shows_something() -> None:
     heights_m, cells = drive.maps.heights_m(), drive.maps.window.cells
     np.testing.assert_array_equal(np.isfinite(heights_m), cells != UNKNOWN)
     np.testing.assert_array_equal(np.abs(heights_m[cells != UNKNOWN]) < 0.1, cells[cells != 0] < 0)
-    height, state = drive.maps.maybe_layer("height"), drive.maps.maybe_layer("state")
+    height, state = maybe_layer(drive.maps, "height"), maybe_layer(drive.maps, "state")
     assert height is not None
     assert state is not None
     np.testing.assert_array_equal(np.isfinite(height.values), np.isfinite(state.values))
     np.testing.assert_array_equal(np.abs(height.values) < 0.1, state.values == FREE)
     assert np.count_nonzero(state.values == FREE) == np.count_nonzero(cells == FREE) > 0
-    assert drive.maps.maybe_layer("slope") is None
+    assert maybe_layer(drive.maps, "slope") is None
 
 
 def test_the_first_echo_counts_and_the_housing_does_not() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from core.mapping import causes
 from core.mapping.freshness import SWEEP_S
-from core.mapping.layers import ON_ASKING, UNITS
+from core.mapping.layers import ON_ASKING, UNITS, maybe_layer, maybe_values
 from core.mapping.surface.constants import RARE
 from core.mapping.surface.maps import SurfaceMaps, face_of
 from core.records import FREE, OBSTACLE, UNKNOWN
@@ -218,7 +218,7 @@ def test_erasing_forgets_everything() -> None:
     assert not maps.static_rad.any()
     i, j = np.array(low).T
     for name in ("state", "height", "z", "variance", "slope", "step", "roughness", "age"):
-        values = maps.maybe_values(name, i, j)
+        values = maybe_values(maps, name, i, j)
         assert values is not None
         assert np.isnan(values).all(), name
 
@@ -236,8 +236,8 @@ def test_what_is_told_of_a_cell_agrees_with_the_window(window_cells: int) -> Non
     inside &= (j >= grid.corner_j) & (j < grid.corner_j + grid.size)
     shown = np.where(inside, maps.window.cells[j % grid.size, i % grid.size], UNKNOWN)
     assert set(shown.tolist()) == {FREE, UNKNOWN, OBSTACLE}
-    told = maps.maybe_values("cause", i, j)
-    states = maps.maybe_values("state", i, j)
+    told = maybe_values(maps, "cause", i, j)
+    states = maybe_values(maps, "state", i, j)
     assert told is not None
     assert states is not None
     assert (told[~inside] == causes.OUTSIDE).all()
@@ -250,19 +250,19 @@ def test_each_layer_gives_the_same_as_a_whole_and_cell_by_cell() -> None:
     solid = Box((6.0, -2.0, 0.0), (7.0, -1.0, 0.5))
     rig = drive(World(solids=(solid,)), 3.0)
     maps = maps_of(rig)
-    named = [name for name in UNITS if maps.maybe_layer(name) is not None]
+    named = [name for name in UNITS if maybe_layer(maps, name) is not None]
     assert {"state", "height", "z", "variance", "slope", "step", "roughness"} <= set(named)
     for name in named:
-        view = maps.maybe_layer(name)
+        view = maybe_layer(maps, name)
         assert view is not None
         j, i = np.mgrid[: len(view.values), : len(view.values)].reshape(2, -1)
-        values = maps.maybe_values(name, i + view.corner_i, j + view.corner_j)
+        values = maybe_values(maps, name, i + view.corner_i, j + view.corner_j)
         assert values is not None
         assert values.astype(np.float32).tobytes() == view.values.tobytes(), name
         assert np.isfinite(values).any()
-    assert all(maps.maybe_layer(name) is None for name in (*ON_ASKING, "nothing"))
+    assert all(maybe_layer(maps, name) is None for name in (*ON_ASKING, "nothing"))
     i, j = (np.array([k]) for k in maps.grid.cell_of(6.1, -1.5))
-    height, z = maps.maybe_values("height", i, j), maps.maybe_values("z", i, j)
+    height, z = maybe_values(maps, "height", i, j), maybe_values(maps, "z", i, j)
     assert height == pytest.approx(0.5, abs=0.1)
     assert z == pytest.approx(0.5, abs=0.1)
 
@@ -274,7 +274,7 @@ def test_step_and_roughness_tell_level_floor_from_a_kerb_and_a_box() -> None:
     told = {}
     for name in ("step", "roughness"):
         values = [
-            maps.maybe_values(name, *(np.array([k]) for k in maps.grid.cell_of(x, y)))
+            maybe_values(maps, name, *(np.array([k]) for k in maps.grid.cell_of(x, y)))
             for x, y in ((8.5, 0.1), (8.9, 0.1), (10.1, 0.1), (6.1, -1.5), (-5.0, 0.0))
         ]
         told[name] = [float(value[0]) for value in values if value is not None]
@@ -299,7 +299,7 @@ def test_what_nobody_has_watched_for_too_long_is_unknown() -> None:
         maps = maps_of(rig)
         free = places_where(rig, FREE)
         i, j = np.floor(free / maps.grid.cell_m).astype(np.int64).T
-        ages_s = maps.maybe_values("age", i, j)
+        ages_s = maybe_values(maps, "age", i, j)
         assert ages_s is not None
         assert not np.isnan(ages_s).any()
         assert (ages_s <= age_s + SWEEP_S + 2 * SCAN_S).all()

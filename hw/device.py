@@ -87,6 +87,14 @@ class Gathers(Protocol):
         """Be readable when so many bytes have come, 1..255, and give multiples of it only."""
 
 
+@runtime_checkable
+class SetsRate(Protocol):
+    """A port whose rate can be changed while it is open: a serial line."""
+
+    def set_rate(self, baud: int) -> None:
+        """From now on; a connection that is opened anew has the rate of its URL again."""
+
+
 class NoPort:
     """A wire that is open and leads nowhere: for warming up, and where a device is left out."""
 

@@ -35,8 +35,13 @@ NAMES = {
     "echo": "an echo of what mapod sends, as from a loop-back plug",
     "noise": "bytes that fit no protocol, as at a wrong baud rate",
 }
-OWN = {"lms111": {"cola-a", "cola-b"}, "mti": {"mt"}, "ax3500": {"roboteq", "echo"}}
-ON_SERIAL_LINES = {"mti", "ax3500"}  # where a wrong baud rate is possible
+OWN = {
+    "lms111": {"cola-a", "cola-b"},
+    "urg04lx": {"scip"},
+    "mti": {"mt"},
+    "ax3500": {"roboteq", "echo"},
+}
+ON_SERIAL_LINES = {"mti", "ax3500", "urg04lx"}  # where a wrong baud rate is possible
 
 COLA_TYPES = rb"s(?:RA|WA|AN|EA|SN|FA|RN|WN|MN|EN|RI)"
 COLA_B = re.compile(rb"\x02{4}\x00[\x00-\x03].." + COLA_TYPES, re.DOTALL)

@@ -42,10 +42,11 @@ LIBRARIES = {
 }
 CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}
 VOCABULARY = {"core.records", "core.config", "core.geometry"}
-DEVICES = ("lms1xx", "mti", "ax3500")
+DEVICES = ("lms1xx", "urg04lx", "mti", "ax3500")
 OF_AN_LMS = re.compile(
     r"lms1|lms_?\d|1081|contamin|cola|dialect|angular_step|scan_rate|first_deg|last_deg"
 )
+OF_AN_URG = re.compile(r"\burg\b|\burg-?0|\bscip|hokuyo")
 QUOTED = re.compile(r'"""(?:.|\n)*?"""')
 IMPORT = re.compile(r"^ *((?:from \S+ )?import (?:\([^)]*\)|[^(#\n]+))(?: *#.*)?$", re.MULTILINE)
 BY_THEIR_NAMES = {"hw.registry", "hw.fingerprint"}  # know devices by their names: that is their job
@@ -177,6 +178,18 @@ def test_nobody_outside_its_rooms_knows_what_is_particular_to_an_lms1xx() -> Non
         and not within(module.name, "hw.lms1xx", *BY_THEIR_NAMES)
         for number, line in enumerate(module.text.splitlines(), 1)
         if OF_AN_LMS.search(line.lower())
+    ]
+    assert found == []
+
+
+def test_nobody_outside_its_room_knows_of_an_urg04lx() -> None:
+    found = [
+        f"{module.name}:{number}: {line.strip()}"
+        for module in modules().values()
+        if within(module.name, "core", "hw", *TOP)
+        and not within(module.name, "hw.urg04lx", *BY_THEIR_NAMES)
+        for number, line in enumerate(module.text.splitlines(), 1)
+        if OF_AN_URG.search(line.lower())
     ]
     assert found == []
 

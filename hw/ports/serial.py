@@ -126,6 +126,13 @@ class SerialPort(ReopeningPort):
             termios.tcsetattr(self._fd, termios.TCSANOW, settings)
             self._gathers = size
 
+    def set_rate(self, baud: int) -> None:
+        """From now on; a line that is opened anew has the rate of its URL again."""
+        if self._line is None:
+            return
+        with contextlib.suppress(termios.error, OSError, ValueError):  # gone: reading finds it
+            self._line.baudrate = baud
+
     def _try_open(self) -> bool:
         if self._opening is None:
             self._seen, self._look_s = self._path_now(), self._now_s + RETRY_FIRST_S

@@ -1,0 +1,1 @@
+"""Hokuyo URG-04LX and its sisters: SCIP, from bytes to scans."""

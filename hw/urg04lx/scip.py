@@ -1,0 +1,145 @@
+"""SCIP 2.0 messages: a Hokuyo scanner's stream to replies, and numbers in its characters. No I/O.
+
+A reply is the echo of its request, a status with its sum, lines of data with theirs, and an empty
+line, the only place where LF LF occurs. So after damage, or in the midst of a stream, the next
+reply begins behind the next LF LF. A reply of SCIP 1.1 has a status of one character and no sum.
+Source: urg04lx sheet, sections 3 and 4.
+"""
+
+import re
+
+import numpy as np
+from msgspec import Struct
+
+from core.records import F64
+from hw.device import BadFrame
+
+END = b"\n\n"
+MOST_BYTES = 8192  # of a reply: a scan of 1440 points with intensities is less
+LINE_BYTES = 64  # of data, before their sum
+LEAST_CHARACTER, BITS = 0x30, 6
+INCOMPLETE_S = 2.5  # a reply that takes longer is none: a full scan takes 1.1 s at 19200 baud
+STATUS = re.compile(rb"[0-9A-I]{2}")
+REQUEST = re.compile(rb"([A-Z%][A-Z0-9.]*)((?:;[A-Za-z0-9 ._+@]{1,16})?)")
+
+
+class Reply(Struct, frozen=True):
+    """What a device answers, or sends unasked: checked, but for the echo, which has no sum."""
+
+    command: str  # the request, without what follows ";"
+    status: str  # two characters; one: of SCIP 1.1
+    lines: tuple[bytes, ...]  # without their sums
+    arrived_s: float  # host clock
+    size: int  # bytes on the wire
+
+    @property
+    def data(self) -> bytes:
+        """What lines after the first carry, which may cut a number in two."""
+        return b"".join(self.lines[1:])
+
+
+class ScipError(Exception):
+    """A reply that can't be what it says; the text says why."""
+
+
+def encode_request(command: str) -> bytes:
+    """A request, without a text of its own."""
+    return command.encode("ascii") + b"\n"
+
+
+def sum_of(text: bytes) -> int:
+    """The character that ends a line: the low six bits of the sum of what is before it."""
+    return (sum(text) & 0x3F) + LEAST_CHARACTER
+
+
+def number_in(text: bytes) -> int:
+    """A number in groups of six bits, the most significant first.
+
+    >>> number_in(b"CB"), number_in(b"1Dh"), number_in(b"m2@0")
+    (1234, 5432, 16000000)
+
+    Raises:
+        ScipError: a character that no group has.
+    """
+    value = 0
+    for character in text:
+        group = character - LEAST_CHARACTER
+        if not 0 <= group < 1 << BITS:
+            raise ScipError(f"{text!r} is no number")
+        value = value << BITS | group
+    return value
+
+
+def numbers_in(data: bytes, characters: int) -> F64:
+    """Numbers (n,) of two or three characters each.
+
+    Raises:
+        ScipError: a character that no group has, or a number cut short.
+    """
+    groups = np.frombuffer(data, np.uint8).astype(np.int64) - LEAST_CHARACTER
+    if groups.size % characters:
+        raise ScipError("data that end within a number")
+    if groups.size and not (groups.min() >= 0 and groups.max() < 1 << BITS):
+        raise ScipError("data with characters that no number has")
+    weights = 1 << BITS * np.arange(characters - 1, -1, -1)
+    return (groups.reshape(-1, characters) @ weights).astype(np.float64)
+
+
+def _checked_line(line: bytes) -> bytes:
+    """A line without its sum, of which a ";" at the end may be a part or not."""
+    text = line[:-1]
+    bare = text[:-1] if text.endswith(b";") else text
+    if not line or line[-1] not in (sum_of(text), sum_of(bare)):
+        raise ScipError("wrong sum")
+    return text
+
+
+def reply_in(message: bytes, arrived_s: float) -> Reply:
+    """The reply that a message is, given without its LF LF.
+
+    Raises:
+        ScipError: no echo of a request, no status, or a wrong sum.
+    """
+    echo, *lines = message.split(b"\n")
+    found = REQUEST.fullmatch(echo)
+    if found is None or not lines:
+        raise ScipError("no reply")
+    command, size = found[1].decode("ascii"), len(message) + len(END)
+    if len(lines) == 1 and len(lines[0]) == 1:
+        return Reply(command, lines[0].decode("latin-1"), (), arrived_s, size)
+    status, *data = map(_checked_line, lines)
+    if STATUS.fullmatch(status) is None:
+        raise ScipError("no status")
+    return Reply(command, status.decode("ascii"), tuple(data), arrived_s, size)
+
+
+class ScipParser:
+    """Takes a stream cut anywhere; what is no reply up to the next LF LF is one BadFrame."""
+
+    def __init__(self) -> None:
+        self._buffer = b""
+        self._begun_s = 0.0  # when the first byte of it came
+
+    def feed(self, now_s: float, data: bytes) -> list[Reply | BadFrame]:
+        events: list[Reply | BadFrame] = []
+        if self._buffer and now_s - self._begun_s > INCOMPLETE_S:
+            events.append(BadFrame("reply never completed", self._buffer))
+            self._buffer = b""
+        if not self._buffer:
+            self._begun_s = now_s
+        searched = max(0, len(self._buffer) - 1)
+        self._buffer += data
+        while (end := self._buffer.find(END, searched)) >= 0:
+            message, self._buffer = self._buffer[:end], self._buffer[end + len(END) :]
+            self._begun_s, searched = now_s, 0
+            message = message.lstrip(b"\n")
+            if not message:
+                continue
+            try:
+                events.append(reply_in(message, now_s))
+            except ScipError as error:
+                events.append(BadFrame(str(error), message))
+        if len(self._buffer) > MOST_BYTES:
+            events.append(BadFrame("no end of a reply", self._buffer))
+            self._buffer = b""
+        return events

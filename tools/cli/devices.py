@@ -22,7 +22,8 @@ from hw.fingerprint import NAMES, maybe_protocol
 from hw.lms1xx.telegrams import new_parser
 from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame
 from hw.ports.url import PortUrlError, parse_url
-from tools.cli import scanner
+from hw.urg04lx.scip import ScipParser
+from tools.cli import scanner, scip
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
 from tools.cli.options import fail, parser_of
 from tools.terminal.progress import advancing
@@ -30,7 +31,8 @@ from tools.terminal.progress import advancing
 LIST_PORTS: Any = comports  # pyserial has no types
 AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
 MTI_URL = "serial://{path}?baud={baud}"
-SCANNER_PORTS = ("2112", "2111")
+SCANNER_PORTS = ("2112", "2111", scip.PORT)
+SCIP_BAUDS = (115_200, 19_200, 57_600, 250_000, 500_000, 750_000)
 MTI_BAUDS = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
 LISTEN_LINE_S = 0.6  # a logging line takes 0.23 s
 LISTEN_DATA_S = 0.12  # ten samples a second at least
@@ -64,7 +66,7 @@ def find(path: str) -> Found:
     """What speaks there; the slow line first, for its listening disturbs nobody."""
     heard = bytearray()
     try:
-        for probe in (_maybe_controller, _maybe_attitude_sensor):
+        for probe in (_maybe_controller, _maybe_attitude_sensor, _maybe_scanner):
             found = probe(path, heard)
             if found is not None:
                 return found
@@ -121,6 +123,21 @@ def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
     return None
 
 
+def _maybe_scanner(path: str, heard: bytearray) -> Found | None:
+    """A Hokuyo scanner; by USB it answers at any rate."""
+    for baud in SCIP_BAUDS:
+        url = MTI_URL.format(path=path, baud=baud)
+        with conversation(url, ScipParser()) as talk:
+            try:
+                scip.ask(talk, "VV", tries=1)
+                scip.greet(talk)
+                says = f"laser scanner that {', '.join(scip.told(talk, scip.WHO))} at {baud} baud"
+                return Found(path, "scanner", url, says)
+            except NoAnswerError:
+                continue
+    return None
+
+
 def _maybe_answer(talk: Conversation, mid: Mid, tries: int = 3) -> bytes | None:
     try:
         frame: MtFrame = talk.ask(
@@ -146,8 +163,13 @@ def find_scanner(host: str) -> Found:
         url = f"tcp://{name}:{number}"
         heard = bytearray()
         try:
-            with conversation(url, new_parser("auto")) as talk:
+            parser = ScipParser() if scanner.is_of_scip(url) else new_parser("auto")
+            with conversation(url, parser) as talk:
                 heard = talk.heard
+                if scanner.is_of_scip(url):
+                    scip.greet(talk)
+                    words = f"laser scanner that {', '.join(scip.told(talk, scip.WHO))}"
+                    return Found(host, "scanner", url, words)
                 dialect = scanner.dialect_of(talk)
                 told = scanner.told(scanner.Scanner(talk, dialect), scanner.WHO)
                 words = f"laser scanner that {', '.join(told)}"
@@ -173,7 +195,7 @@ def udev_rules(found: list[Found], adapters: Mapping[str, Any]) -> Iterator[str]
     Args:
         adapters: what the machine knows of its ports, by path (pyserial's ListPortInfo).
     """
-    names = {"drive": "ax3500", "ahrs": "mti"}
+    names = {"drive": "ax3500", "ahrs": "mti", "scanner": "urg"}
     for one in found:
         name, adapter = names.get(one.section), adapters.get(one.place)
         if name is None:

@@ -1,9 +1,10 @@
-"""What a person may want of a SICK LMS1xx beside its scans.
+"""What a person may want of a laser scanner beside its scans.
 
 Who it is and how it is; storing its settings for good (which wears its memory out, so mapod never
 does it by itself), setting its clock or its dialect, start, stop, reboot. The port is that of
 mapod.toml, or --port. Whatever needs a login ends with Run, or the device would stay busy; mapod,
-if it is connected, sees that and begins again.
+if it is connected, sees that and begins again. A Hokuyo scanner, on a serial line or at port
+10940, knows info, start, stop and reboot.
 """
 
 from collections.abc import Callable
@@ -11,10 +12,12 @@ from datetime import datetime
 from typing import get_args
 
 from hw.lms1xx import commands
-from hw.lms1xx.cola import Dialect
+from hw.lms1xx.cola import ColaParser, Dialect
 from hw.lms1xx.commands import Command
 from hw.lms1xx.status import CONTAMINATIONS, HOT, STATES
-from hw.lms1xx.telegrams import Answer, Refusal, new_parser
+from hw.lms1xx.telegrams import Answer, Refusal, Telegram, new_parser
+from hw.urg04lx.scip import ScipParser
+from tools.cli import scip
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
 from tools.cli.options import Parser, parser_of
 
@@ -172,8 +175,22 @@ def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused or silent, 2 wrong use."""
     options = parser().parse_args(given)
 
+    is_scip = False
+
+    def new(url: str) -> ScipParser | ColaParser[Telegram]:
+        nonlocal is_scip
+        is_scip = is_of_scip(url)
+        return ScipParser() if is_scip else new_parser("auto")
+
     def do(talk: Conversation) -> list[str]:
+        if is_scip:
+            return scip.act(talk, options.what)
         scanner = Scanner(talk, dialect_of(talk))
         return act(scanner, options.what, getattr(options, "dialect", "binary"))
 
-    return print_what(do, "scanner", "scanner", options, lambda url: new_parser("auto"))
+    return print_what(do, "scanner", "scanner", options, new)
+
+
+def is_of_scip(url: str) -> bool:
+    """Whether a port is one of a Hokuyo scanner: SICK's have no serial line, and other ports."""
+    return url.startswith("serial:") or url.endswith(f":{scip.PORT}")

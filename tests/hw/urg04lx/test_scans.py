@@ -90,10 +90,8 @@ def test_the_correction_holds_in_its_interval_and_goes_on_as_at_its_ends() -> No
     def added(x: float) -> float:
         return 0.01 + 0.02 * x - 0.001 * x**2 + 0.0002 * x**3
 
-    told = options.corrected_m(r)
-    np.testing.assert_allclose(
-        told, r + [added(0.5), added(0.5), added(1.0), added(3.0), added(3.0)]
-    )
+    expected = r + np.array([added(0.5), added(0.5), added(1.0), added(3.0), added(3.0)])
+    np.testing.assert_allclose(options.corrected_m(r), expected)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""Fake Hokuyo URG-04LX and two sisters."""

@@ -1,0 +1,340 @@
+"""Fake Hokuyo URG-04LX, and sisters: SCIP 2.0 on a serial line, USB or TCP, one host at a time.
+
+The classic model powers up in SCIP 1.1, of which it knows only to say E. A scan that is complete
+while the line still carries something is not sent, and not counted. It does not notice that a host
+has gone, and streams on; a sister on TCP does.
+
+Source: urg04lx sheet.
+"""
+
+from collections import deque
+from collections.abc import Callable
+
+from fakes.urg04lx.faults import Faults
+from fakes.urg04lx.head import Head, Truth
+from fakes.urg04lx.line import Line
+from fakes.urg04lx.models import KNOWN_RATES, MODELS, RATES
+from fakes.urg04lx.scip import (
+    BUFFER,
+    DATA,
+    LASER_OFF,
+    MOST_REQUEST,
+    OK,
+    RESUMED,
+    SCANS,
+    SWITCH,
+    TOO_FEW,
+    UNDEFINED,
+    Request,
+    RequestReader,
+    StatusError,
+    check_text,
+    message,
+    number,
+    request,
+    summed,
+    told,
+)
+from fakes.urg04lx.series import Series, asked
+
+ANSWER_S = 0.001
+SIZES = {  # digits of parameters
+    **dict.fromkeys((b"VV", b"PP", b"II", b"BM", b"QT", b"RS", b"%ST"), 0),
+    **dict.fromkeys((b"GD", b"GS"), 10),
+    **dict.fromkeys((b"MD", b"MS"), 13),
+    **dict.fromkeys((b"TM", b"HS"), 1),
+    **dict.fromkeys((b"CR", b"DB"), 2),
+    b"SS": 6,
+}
+IN_TIME_MODE = (b"TM", b"%ST")
+CHECKING, TROUBLE = range(21, 50), range(50, 98)
+EXTENSIONS = (b"ME", b"GE", b"ND", b"NE", b"HD", b"HE", b"RB", b"RT", b"%ST", b"%SL")
+SLOWEST, DEFAULT_SPEED = 10, 99  # of CR: so many hundredths slower, at most
+STANDBY, ADJUSTING, SINGLE, STREAMING, BROKEN = b"000", b"002", b"003", b"004", b"900"  # of %ST
+
+Carried = tuple[bytes, list[bytes]]  # status, lines
+
+
+class FakeUrg04lx(Faults):
+    """One scanner. Its faults and properties are attributes (`Faults`), to be set at any time.
+
+    Args:
+        ranges_m_at: what its beams meet (`Head`).
+    """
+
+    def __init__(self, ranges_m_at: Truth, seed: int, model: str = "URG-04LX") -> None:
+        if model not in MODELS:
+            raise ValueError(f"model: must be one of {', '.join(MODELS)}, is {model!r}")
+        super().__init__()
+        self._model = MODELS[model]
+        self.head = Head(self, self._model, ranges_m_at, seed)
+        self._line = Line(self, seed)
+        self._power_up()
+
+    def _power_up(self) -> None:
+        self.head.power_up()
+        self._line.clear()
+        self._reader, self._asked = RequestReader(), deque[bytes]()
+        self._series: Series | None = None
+        self._is_scip2 = self._model.starts_in_scip2
+        self._is_timing = self._is_hung = self._is_sensitive = False
+        self._slower = 0
+        self._next_baud: int | None = None  # once the reply is out
+        self.baud = RATES[0] if self._model.wire == "serial" else None
+
+    def restart(self, now_s: float) -> None:
+        """Power fails and comes back: power-on state, default rate."""
+        self.head.clock.follow(now_s, self.drift_ppm)
+        self._power_up()
+
+    def switch_laser_off(self, now_s: float) -> None:
+        """By itself: a stream ends without a word, and GD gets 10."""
+        self._stop()
+
+    def leave_streaming(self, now_s: float) -> None:
+        """As a host has left it that died: in SCIP 2.0, with a stream of full scans."""
+        self.head.clock.follow(now_s, self.drift_ppm)
+        self._is_scip2, self._is_timing = True, False
+        every = request(b"MD%04d%04d01000" % (self._model.amin, self._model.amax))
+        self._series = None
+        self._stream(every)
+
+    def reconnected(self, now_s: float) -> None:
+        """A new host: a serial line does not tell, a sister on TCP begins anew with it."""
+        if self._model.wire == "tcp":
+            self._line.clear()
+            self._reader, self._asked = RequestReader(), deque()
+            self._stop()
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        now_s = self.head.clock.follow(now_s, self.drift_ppm)
+        if self._next_baud is not None and self._line.is_empty:
+            self.baud, self._next_baud = self._next_baud, None
+        is_up = self.head.clock.device_s >= self.start_silent_s
+        if is_up and not self.deaf and not self._is_hung:
+            self._asked.extend(self._reader.feed(received))
+        self._send_scans(now_s)
+        while self._asked and not self._must_wait(self._asked[0]):
+            self._answer(now_s, self._asked.popleft())
+        return self._line.taken(now_s)
+
+    def _must_wait(self, line: bytes) -> bool:
+        """For the first scan after the laser went on."""
+        is_scan = self._is_scip2 and line[:2] in (b"GD", b"GS") and not self._series
+        return is_scan and self.head.is_lit and self.head.latest is None
+
+    def _answer(self, now_s: float, line: bytes) -> None:
+        one = request(line)
+        if self._is_scip2:
+            try:
+                status, lines = self._carry_out(one)
+            except StatusError as refused:
+                status, lines = refused.status, []
+            reply = message(line, status, lines)
+        else:
+            self._is_scip2 = line == SWITCH
+            reply = line + (b"\n0\n\n" if self._is_scip2 else b"\nE\n\n")
+        if self.hangs_at_extensions and one.command in EXTENSIONS:
+            self._is_hung = True
+        elif self.answers_lost > 0:
+            self.answers_lost -= 1
+        else:
+            self._line.send(now_s + ANSWER_S + self.slow_answer_s, reply)
+
+    def _carry_out(self, one: Request) -> Carried:
+        """Do what a request says: status and lines of its reply.
+
+        Raises:
+            StatusError: it is not done.
+        """
+        if len(one.whole) > MOST_REQUEST:
+            raise StatusError(BUFFER)
+        commands: dict[bytes, Callable[[Request], Carried]] = {
+            b"VV": lambda _: (OK, self._version()),
+            b"PP": lambda _: (OK, [told(text) for text in self._model.parameters()]),
+            b"II": lambda _: (OK, [told(text) for text in self._state()]),
+            b"BM": lambda _: self._light(),
+            b"QT": lambda _: self._stop(),
+            b"RS": lambda _: self._reset(),
+            **dict.fromkeys((b"GD", b"GS"), self._scan),
+            **dict.fromkeys((b"MD", b"MS"), self._stream),
+            b"SS": self._set_rate,
+            b"TM": self._time,
+            b"CR": self._turn,
+            b"HS": self._sense,
+            b"DB": self._simulate,
+            b"%ST": lambda _: (OK, [summed(self._state_code())]),
+        }
+        is_extra = one.command in (b"HS", b"DB", b"%ST")
+        if one.command not in commands or (is_extra and one.command not in self._model.extras):
+            raise StatusError(UNDEFINED)
+        if self._is_timing and one.command not in IN_TIME_MODE:
+            raise StatusError(UNDEFINED)
+        check_text(one.text)
+        if len(one.parameters) != SIZES[one.command]:
+            too_few = len(one.parameters) < SIZES[one.command]
+            raise StatusError(TOO_FEW if too_few else UNDEFINED)
+        return commands[one.command](one)
+
+    def _version(self) -> list[bytes]:
+        lines = [told(text) for text in self._model.version()]
+        if self.splits_serial:
+            lines[-1] = lines[-1][:8] + b"\n" + lines[-1][8:-1] + b"0"
+        return lines
+
+    def _state(self) -> list[str]:
+        rpm, rate = round(60.0 / self.head.period_s), self.baud or RATES[0]
+        default = "<-Default setting by user"
+        return [
+            self._model.parameters()[0],
+            f"LASR:{'ON' if self.head.is_lit else 'OFF'}",
+            f"SCSP:Initial({rpm}[rpm]){'' if self._slower else default}",
+            f"MESM:{'Measuring' if self._series else 'IDLE'}",
+            f"SBPS:{rate}[bps]{default if rate == RATES[0] else ''}",
+            f"TIME:{self.head.timer_ms():06X}",
+            f"STAT:Sensor {f'trouble {self.trouble}' if self.trouble else 'works well'}.",
+        ]
+
+    def _state_code(self) -> bytes:
+        if self.trouble in TROUBLE:
+            return BROKEN
+        if self._is_timing:
+            return ADJUSTING
+        return STREAMING if self._series else SINGLE if self.head.is_lit else STANDBY
+
+    def _light(self) -> Carried:
+        if self.laser_fails or self.trouble in TROUBLE:
+            return b"01", []
+        if self.head.is_lit:
+            return b"02", []
+        self.head.light()
+        return OK, []
+
+    def _stop(self) -> Carried:
+        self._series = None
+        self.head.dark()
+        return OK, []
+
+    def _reset(self) -> Carried:
+        self._stop()
+        self.head.reset()
+        self._slower, self._is_sensitive = 0, False
+        self._next_baud = RATES[0] if self._model.wire == "serial" else None
+        return OK, []
+
+    def _scan(self, one: Request) -> Carried:
+        wanted = asked(one, self._model)
+        if self._series:
+            raise StatusError(BUFFER)
+        latest = self.head.latest
+        if latest is None:
+            raise StatusError(LASER_OFF)
+        self._check_trouble()
+        stamp_ms, values = self.head.scan(latest)
+        return OK, wanted.lines(stamp_ms, values, SCANS[one.command], self._model.dmin)
+
+    def _stream(self, one: Request) -> Carried:
+        wanted = asked(one, self._model)
+        if self._series:
+            raise StatusError(BUFFER)
+        self._check_trouble()
+        if not self.head.is_lit:
+            self.head.light()
+        self._series = Series(one, wanted, self.head.next_scan)
+        return OK, []
+
+    def _check_trouble(self) -> None:
+        if self.trouble in CHECKING or self.trouble in TROUBLE:
+            raise StatusError(b"%02d" % self.trouble)
+
+    def _set_rate(self, one: Request) -> Carried:
+        if self._model.wire == "tcp":
+            raise StatusError(UNDEFINED)
+        if not one.parameters.isdigit():
+            return b"01", []
+        rate = int(one.parameters)
+        if rate not in RATES:
+            return b"04" if rate in KNOWN_RATES else b"02", []
+        if rate == (self.baud or RATES[0]):
+            return b"03", []
+        self._next_baud = rate if self._model.wire == "serial" else None
+        return OK, []
+
+    def _time(self, one: Request) -> Carried:
+        match one.parameters:
+            case b"0" if self._is_timing:
+                return b"02", []
+            case b"0":
+                self._stop()
+                self._is_timing = True
+            case b"1" if not self._is_timing:
+                return b"04", []
+            case b"1":
+                return OK, [summed(number(self.head.timer_ms(), 4))]
+            case b"2" if not self._is_timing:
+                return b"03", []
+            case b"2":
+                self._is_timing = False
+            case _:
+                return b"01", []
+        return OK, []
+
+    def _turn(self, one: Request) -> Carried:
+        if not one.parameters.isdigit():
+            return b"01", []
+        slower = int(one.parameters)
+        slower = 0 if slower == DEFAULT_SPEED else slower
+        if slower > SLOWEST:
+            return b"02", []
+        if slower == self._slower:
+            return b"03", []
+        self._slower, was_lit = slower, self.head.is_lit
+        self.head.turn(slower / 100)
+        if was_lit:
+            self.head.light()
+        if self._series:
+            self._series.next_scan = self.head.next_scan
+        return OK, []
+
+    def _sense(self, one: Request) -> Carried:
+        if one.parameters not in (b"0", b"1"):
+            return b"01", []
+        before, self._is_sensitive = self._is_sensitive, one.parameters == b"1"
+        return b"02" if before == self._is_sensitive else OK, []
+
+    def _simulate(self, one: Request) -> Carried:
+        """Hardware trouble of the number that it says, until 00."""
+        if not one.parameters.isdigit() or int(one.parameters) not in (0, *CHECKING, *TROUBLE):
+            return b"01", []
+        self.trouble = int(one.parameters)
+        return OK, []
+
+    def _send_scans(self, now_s: float) -> None:
+        """All that the stream has to say up to now."""
+        series = self._series
+        if series is None or self._is_checked(now_s, series):
+            return
+        for scan in range(max(series.next_scan, self.head.oldest), self.head.next_scan):
+            done_s = self.head.done_s(scan)
+            if scan < series.next_scan or self._line.free_s > done_s:
+                continue
+            stamp_ms, values = self.head.scan(scan)
+            series.sent(scan)
+            lines = series.wanted.lines(stamp_ms, values, series.width, self._model.dmin)
+            self._line.send(done_s, message(series.echo, DATA, lines))
+            if series.is_over:
+                self._stop()
+                return
+
+    def _is_checked(self, now_s: float, series: Series) -> bool:
+        """Whether trouble holds the stream up, and what it says of that."""
+        if self.trouble in TROUBLE:
+            self._line.send(now_s, message(series.echo, b"%02d" % self.trouble, []))
+            self._stop()
+            return True
+        was_checking, series.is_checking = series.is_checking, self.trouble in CHECKING
+        if was_checking != series.is_checking:
+            status = b"%02d" % self.trouble if series.is_checking else RESUMED
+            self._line.send(now_s, message(series.echo, status, []))
+            series.next_scan = self.head.next_scan
+        return series.is_checking

@@ -32,12 +32,12 @@ class Conversation:
 
     def __init__(self, status: DeviceStatus, port: Port, baud: int | None) -> None:
         self.exchange = Exchange(status, pause_s=PAUSE_S, longest_pause_s=LONGEST_PAUSE_S)
-        self._baud = self._wanted_baud = baud or 0
+        self.baud = self._wanted_baud = baud or 0  # that of the port now
         self._maybe_line = port if isinstance(port, SetsRate) and baud else None
 
     def line_s(self, size: int) -> float:
         """How long so many bytes take on the wire."""
-        return size * BITS_A_BYTE / self._baud if self._baud else 0.0
+        return size * BITS_A_BYTE / self.baud if self.baud else 0.0
 
     def ask(
         self, command: str, wait_s: float = ANSWER_S, tries: int = TRIES
@@ -73,9 +73,9 @@ class Conversation:
         raise StartAgainError(NO_ANSWER)
 
     def _go_to(self, rate: int) -> None:
-        if self._maybe_line is not None and rate != self._baud:
+        if self._maybe_line is not None and rate != self.baud:
             self._maybe_line.set_rate(rate)
-            self._baud = rate
+            self.baud = rate
 
     def _is_idle(self) -> Steps[bool]:
         """Ends a stream, SCIP 1.1 and the mode of time synchronisation."""

@@ -1,8 +1,8 @@
 """Replies with ranges to scans: steps to bearings, device time to host time, codes to nothing.
 
-Step k of a turn is measured k / steps of a turn after the stamp. How long the device keeps a scan
-before it sends it is not documented: it is learnt from its time synchronisation, in which a stamp
-is sent at once. Source: urg04lx sheet, sections 1, 4, 5 and 6.
+Step k of a turn is measured k / steps of a turn after the stamp. How long a scan takes from its
+last beam to us is not documented, and depends on the line: it is learnt from the device's time
+synchronisation, in which a stamp is sent at once. Source: urg04lx sheet, sections 1, 4, 5 and 6.
 """
 
 import math
@@ -13,12 +13,14 @@ from msgspec import Struct
 from core.records import F64, Scan
 from hw.clock import DeviceClock
 from hw.device import BadFrame
+from hw.exchange import StartAgainError
 from hw.urg04lx.options import Urg04lxOptions
 from hw.urg04lx.scip import Reply, ScipError, number_in, numbers_in
 from hw.urg04lx.sensor import KINDS, LEAST_RANGE_MM, MOST_TWO_CHARACTERS, Sensor
 
 TICK_S, WRAP_TICKS = 1e-3, 1 << 24
-LEARNT_SCANS, LONGEST_HELD_S = 20, 0.1  # how long the device keeps a scan: by the first of them
+LEARNT_SCANS, LONGEST_HELD_S = 20, 1.5  # how long a scan takes to us: by the first of them
+EARLY_S = 0.02  # a scan can't arrive sooner than this before its end, by a stamp told late
 
 
 class Window(Struct, frozen=True):
@@ -62,16 +64,17 @@ class ScanMaker:
         self._options, self._counter = options, 0
         self._last_ticks: int | None = None
         self._sync: tuple[int, float] | None = None  # a stamp, and the instant of its sending
-        self._held_s, self._learnt = 0.0, 0
+        self._held_s, self._learnt, self._way = 0.0, 0, ""
 
-    def begin(self) -> None:
-        """A new stream, maybe of a device that has restarted."""
+    def begin(self, way: str) -> bool:
+        """A new stream, maybe of a device that has restarted; whether its time is to be learnt.
+
+        way: what the time that a scan takes depends on.
+        """
         self._last_ticks = self._sync = None
-
-    @property
-    def knows_held(self) -> bool:
-        """Whether it is known how long the device keeps a scan: the same on each connection."""
-        return self._learnt >= LEARNT_SCANS
+        if way != self._way:
+            self._way, self._held_s, self._learnt = way, 0.0, 0
+        return self._learnt < LEARNT_SCANS
 
     def synchronise(self, ticks: int, sent_s: float) -> None:
         """A stamp that left the device then, or sooner: the least delayed counts."""
@@ -81,8 +84,12 @@ class ScanMaker:
                 return
         self._sync = ticks, sent_s
 
-    def scan(self, reply: Reply, window: Window, line_s: float) -> tuple[Scan, int] | BadFrame:
-        """A scan, and how many before it never came; line_s: that its bytes take on the wire."""
+    def hear_time(self, ticks: int, sent_s: float) -> None:
+        """Of a device whose scans wait until they are asked for, so that they tell no time."""
+        self.clock.host_s(ticks, sent_s)
+
+    def scan(self, reply: Reply, window: Window) -> tuple[Scan, int] | BadFrame | None:
+        """A scan, and how many before it never came; None: it was there before, or has no time."""
         sensor = window.sensor
         try:
             ticks = number_in(reply.lines[0]) if reply.lines else -1
@@ -96,13 +103,18 @@ class ScanMaker:
         missed, last, self._last_ticks = 0, self._last_ticks, ticks
         if last is not None:
             if last == ticks:
-                return BadFrame("scan repeated", b"")
+                return None
             turns = _passed_s(last, ticks) / (sensor.turn_s * (1 + self._options.skip_scans))
             missed = max(0, round(turns) - 1) if turns < LEARNT_SCANS else 0
-        measured_s = window.measured_s + line_s
-        self._learn(ticks, reply.arrived_s - measured_s)
-        begun_s = self.clock.host_s(ticks, reply.arrived_s - measured_s - self._held_s)
-        begun_s = min(begun_s, reply.arrived_s - measured_s)
+        latest_s = reply.arrived_s - window.measured_s
+        if self._options.stream:
+            self._learn(ticks, latest_s)
+            begun_s = self.clock.host_s(ticks, latest_s - self._held_s)
+        elif self.clock.samples:
+            begun_s = self.clock.host_s_near(ticks)
+        else:
+            return None
+        begun_s = min(begun_s, latest_s)
         self._counter = (self._counter + 1 + missed) % (1 << 16)
         middle = window.first + 0.5 * (window.cluster - 1)
         scan = Scan(
@@ -117,11 +129,13 @@ class ScanMaker:
         return scan, missed
 
     def _learn(self, ticks: int, latest_s: float) -> None:
-        """How long the device keeps a scan at least; latest_s: its stamp, if it keeps none."""
+        """How long a scan takes to us at least; latest_s: its begin, if that were no time."""
         if self._sync is None or self._learnt >= LEARNT_SCANS:
             return
-        held_s = latest_s - (self._sync[1] + _passed_s(self._sync[0], ticks))
-        held_s = min(max(held_s, 0.0), LONGEST_HELD_S)
+        passed_s = _passed_s(self._sync[0], ticks)
+        held_s = latest_s - (self._sync[1] + passed_s)
+        if passed_s < 0.0 or not -EARLY_S <= held_s <= LONGEST_HELD_S:
+            raise StartAgainError("the scanner's clock began anew")
         self._held_s = held_s if self._learnt == 0 else min(held_s, self._held_s)
         self._learnt += 1
 

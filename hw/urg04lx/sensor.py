@@ -4,6 +4,7 @@ Source: urg04lx sheet, sections 1, 3, 5 and 6.
 """
 
 import math
+import re
 from collections.abc import Mapping
 
 from msgspec import Struct
@@ -106,3 +107,9 @@ def maybe_sensor(reply: Reply) -> Sensor | None:
     is_range = 0 < found.least_mm < found.most_mm
     is_ahead = found.first_step <= found.front_step <= found.last_step
     return found if is_turn and is_part and is_range and is_ahead else None
+
+
+def maybe_ticks(reply: Reply) -> int | None:
+    """The device's time in an answer to II: 24 bits of ms, in hexadecimal."""
+    text = texts_of(reply).get("TIME", "")
+    return int(text, 16) if re.fullmatch(r"[0-9A-Fa-f]{6}", text) else None

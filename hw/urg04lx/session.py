@@ -26,6 +26,7 @@ from hw.urg04lx.scip import Reply, ScipError, ScipParser, encode_request, number
 
 SYNC_SAMPLES, SYNC_S = 10, 0.1
 SILENCE_PERIODS, LEAST_SILENCE_S = 8, 0.5
+MISSED_SHARE, SCANS_SHARE = 0.3, 0.1  # of scans, so many missed are told; weight of the newest
 FIRST_SCAN_S = 2.0  # the laser and its mirror start
 
 
@@ -48,6 +49,7 @@ class Urg04lxSession:
         self.identity = ""
         self._talk, self._exchange, self._status = talk, talk.exchange, status
         self._maker, self._options = maker, options
+        self._missed_share = 0.0
 
     def run(self) -> Session:
         yield from self._exchange.turn()
@@ -82,8 +84,7 @@ class Urg04lxSession:
                 f"a {options.model} has up to {most}: is scanner.model right? "
                 f"It says that it is {sensor.model!r}"
             )
-        self._maker.begin()
-        if not self._maker.knows_held:
+        if self._maker.begin(f"{window.text} {self._talk.baud}") and options.stream:
             yield from self._synchronise()
         return window
 
@@ -119,49 +120,57 @@ class Urg04lxSession:
         while self._exchange.now_s - heard_s <= patience_s:
             out, now_s = b"", self._exchange.now_s
             if now_s >= ask_s:
-                out, ask_s = encode_request(command), now_s + FIRST_SCAN_S
+                out, ask_s = encode_request(command), now_s + period_s
             for event in (yield from self._exchange.turn(out, min(heard_s + patience_s, ask_s))):
                 if not (isinstance(event, Reply) and event.command == command):
                     continue
                 if self._take(event, window):
-                    heard_s, took_s = self._exchange.now_s, self._talk.line_s(event.size)
-                    patience_s = max(LEAST_SILENCE_S, SILENCE_PERIODS * max(period_s, took_s))
-                if not options.stream:
-                    ask_s = max(now_s + period_s, self._exchange.now_s)
+                    took_s, heard_s = self._exchange.now_s - heard_s, self._exchange.now_s
+                    patience_s = max(LEAST_SILENCE_S, SILENCE_PERIODS * period_s, 3 * took_s)
+                if not options.stream:  # the scan waited there until it was asked for
+                    yield from self._ask_time()
         raise StartAgainError(f"no scan from the scanner for {patience_s:g} s")
+
+    def _ask_time(self) -> Steps[None]:
+        asked_s = self._exchange.now_s
+        reply = yield from self._talk.ask("II", tries=1)
+        ticks = None if reply is None else says.maybe_ticks(reply)
+        if reply is not None and ticks is not None:
+            line_s = min(self._talk.line_s(reply.size), reply.arrived_s - asked_s)
+            self._maker.hear_time(ticks, reply.arrived_s - line_s)
 
     def _take(self, reply: Reply, window: Window) -> bool:
         """Whether it is a scan, which is handed on then."""
         status, good = reply.status, says.DATA if self._options.stream else says.OK
-        if status in (says.OK, says.RESUMED) and status != good:
-            return False
         if status != good:
             if status.isdigit() and int(status) in says.SUSPENDED:
                 self._status.fall_back("starting", f"the scanner: {says.describe_status(status)}")
-                return False
-            raise StartAgainError(f"the scanner: {says.describe_status(status)}")
-        line_s = self._talk.line_s(reply.size)
-        found = self._maker.scan(reply, window, line_s)
+            elif status not in (says.OK, says.RESUMED):
+                raise StartAgainError(f"the scanner: {says.describe_status(status)}")
+            return False
+        found = self._maker.scan(reply, window)
         if isinstance(found, BadFrame):
             self._status.reject(found)
+        if found is None or isinstance(found, BadFrame):
             return False
         scan, missed = found
         self.scans.append(scan)
         self._status.missed += missed
-        self._status.state, self._status.cause = "running", self._remark(window, line_s)
+        self._missed_share += SCANS_SHARE * (missed / (1 + missed) - self._missed_share)
+        self._status.state, self._status.cause = "running", self._remark(window)
         self._exchange.succeed()
         return True
 
-    def _remark(self, window: Window, line_s: float) -> str:
+    def _remark(self, window: Window) -> str:
         """What is not as it should be, though it runs."""
-        options, sensor = self._options, window.sensor
-        if line_s > options.period_s:
+        if self._missed_share > MISSED_SHARE:
             return (
-                f"the scanner's line takes {line_s:.2f} s for a scan, of {options.period_s:g} s: "
-                "a higher rate, scanner.characters = 2 or a cluster make it faster"
+                f"{self._missed_share:.0%} of the scanner's scans do not come: a higher rate, "
+                "scanner.characters = 2 or a cluster make its line faster"
             )
-        if abs(sensor.turn_s * (1 + options.skip_scans) - options.period_s) > 0.01:
-            return f"the scanner turns {1 / sensor.turn_s:g} times a second"
+        turn_s, period_s = window.sensor.turn_s, self._options.period_s
+        if abs(turn_s * (1 + self._options.skip_scans) - period_s) > 0.01:
+            return f"the scanner turns {1 / turn_s:g} times a second"
         return ""
 
 

@@ -1,58 +1,43 @@
 """Fake Hokuyo URG-04LX, and sisters: SCIP 2.0 on a serial line, USB or TCP, one host at a time.
 
-The classic model powers up in SCIP 1.1, of which it knows only to say E. A scan that is complete
-while the line still carries something is not sent, and not counted. It does not notice that a host
-has gone, and streams on; a sister on TCP does.
+The classic model powers up in SCIP 1.1, of which it knows only to say E. It does not notice that a
+host has gone, and streams on; a sister on TCP does.
 
 Source: urg04lx sheet.
 """
 
+import contextlib
 from collections import deque
 from collections.abc import Callable
 
 from fakes.urg04lx.faults import Faults
 from fakes.urg04lx.head import Head, Truth
 from fakes.urg04lx.line import Line
-from fakes.urg04lx.models import KNOWN_RATES, MODELS, RATES
+from fakes.urg04lx.measuring import CHECKING, TROUBLE, Measuring
+from fakes.urg04lx.models import KNOWN_RATES, MODELS, OPTIONAL, RATES
 from fakes.urg04lx.scip import (
     BUFFER,
-    DATA,
-    LASER_OFF,
     MOST_REQUEST,
     OK,
-    RESUMED,
-    SCANS,
     SWITCH,
-    TOO_FEW,
     UNDEFINED,
+    Carried,
     Request,
     RequestReader,
     StatusError,
-    check_text,
+    check_form,
     message,
     number,
     request,
     summed,
     told,
 )
-from fakes.urg04lx.series import Series, asked
 
 ANSWER_S = 0.001
-SIZES = {  # digits of parameters
-    **dict.fromkeys((b"VV", b"PP", b"II", b"BM", b"QT", b"RS", b"%ST"), 0),
-    **dict.fromkeys((b"GD", b"GS"), 10),
-    **dict.fromkeys((b"MD", b"MS"), 13),
-    **dict.fromkeys((b"TM", b"HS"), 1),
-    **dict.fromkeys((b"CR", b"DB"), 2),
-    b"SS": 6,
-}
 IN_TIME_MODE = (b"TM", b"%ST")
-CHECKING, TROUBLE = range(21, 50), range(50, 98)
 EXTENSIONS = (b"ME", b"GE", b"ND", b"NE", b"HD", b"HE", b"RB", b"RT", b"%ST", b"%SL")
 SLOWEST, DEFAULT_SPEED = 10, 99  # of CR: so many hundredths slower, at most
 STANDBY, ADJUSTING, SINGLE, STREAMING, BROKEN = b"000", b"002", b"003", b"004", b"900"  # of %ST
-
-Carried = tuple[bytes, list[bytes]]  # status, lines
 
 
 class FakeUrg04lx(Faults):
@@ -75,7 +60,7 @@ class FakeUrg04lx(Faults):
         self.head.power_up()
         self._line.clear()
         self._reader, self._asked = RequestReader(), deque[bytes]()
-        self._series: Series | None = None
+        self._measuring = Measuring(self, self._model, self.head, self._line)
         self._is_scip2 = self._model.starts_in_scip2
         self._is_timing = self._is_hung = self._is_sensitive = False
         self._slower = 0
@@ -89,22 +74,23 @@ class FakeUrg04lx(Faults):
 
     def switch_laser_off(self, now_s: float) -> None:
         """By itself: a stream ends without a word, and GD gets 10."""
-        self._stop()
+        self._measuring.stop()
 
     def leave_streaming(self, now_s: float) -> None:
         """As a host has left it that died: in SCIP 2.0, with a stream of full scans."""
         self.head.clock.follow(now_s, self.drift_ppm)
         self._is_scip2, self._is_timing = True, False
         every = request(b"MD%04d%04d01000" % (self._model.amin, self._model.amax))
-        self._series = None
-        self._stream(every)
+        self._measuring.stop()
+        with contextlib.suppress(StatusError):  # in trouble it does not
+            self._measuring.stream(every)
 
     def reconnected(self, now_s: float) -> None:
         """A new host: a serial line does not tell, a sister on TCP begins anew with it."""
         if self._model.wire == "tcp":
             self._line.clear()
             self._reader, self._asked = RequestReader(), deque()
-            self._stop()
+            self._measuring.stop()
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
         now_s = self.head.clock.follow(now_s, self.drift_ppm)
@@ -113,15 +99,15 @@ class FakeUrg04lx(Faults):
         is_up = self.head.clock.device_s >= self.start_silent_s
         if is_up and not self.deaf and not self._is_hung:
             self._asked.extend(self._reader.feed(received))
-        self._send_scans(now_s)
+        self._measuring.send_scans(now_s)
         while self._asked and not self._must_wait(self._asked[0]):
             self._answer(now_s, self._asked.popleft())
         return self._line.taken(now_s)
 
     def _must_wait(self, line: bytes) -> bool:
         """For the first scan after the laser went on."""
-        is_scan = self._is_scip2 and line[:2] in (b"GD", b"GS") and not self._series
-        return is_scan and self.head.is_lit and self.head.latest is None
+        is_scan = self._is_scip2 and line[:2] in (b"GD", b"GS")
+        return is_scan and self._measuring.is_on_its_way
 
     def _answer(self, now_s: float, line: bytes) -> None:
         one = request(line)
@@ -153,11 +139,11 @@ class FakeUrg04lx(Faults):
             b"VV": lambda _: (OK, self._version()),
             b"PP": lambda _: (OK, [told(text) for text in self._model.parameters()]),
             b"II": lambda _: (OK, [told(text) for text in self._state()]),
-            b"BM": lambda _: self._light(),
-            b"QT": lambda _: self._stop(),
+            b"BM": lambda _: self._measuring.light(),
+            b"QT": lambda _: self._measuring.stop(),
             b"RS": lambda _: self._reset(),
-            **dict.fromkeys((b"GD", b"GS"), self._scan),
-            **dict.fromkeys((b"MD", b"MS"), self._stream),
+            **dict.fromkeys((b"GD", b"GS"), self._measuring.scan),
+            **dict.fromkeys((b"MD", b"MS"), self._measuring.stream),
             b"SS": self._set_rate,
             b"TM": self._time,
             b"CR": self._turn,
@@ -165,15 +151,11 @@ class FakeUrg04lx(Faults):
             b"DB": self._simulate,
             b"%ST": lambda _: (OK, [summed(self._state_code())]),
         }
-        is_extra = one.command in (b"HS", b"DB", b"%ST")
-        if one.command not in commands or (is_extra and one.command not in self._model.extras):
+        if one.command not in commands or one.command in OPTIONAL - self._model.extras:
             raise StatusError(UNDEFINED)
         if self._is_timing and one.command not in IN_TIME_MODE:
             raise StatusError(UNDEFINED)
-        check_text(one.text)
-        if len(one.parameters) != SIZES[one.command]:
-            too_few = len(one.parameters) < SIZES[one.command]
-            raise StatusError(TOO_FEW if too_few else UNDEFINED)
+        check_form(one)
         return commands[one.command](one)
 
     def _version(self) -> list[bytes]:
@@ -189,63 +171,27 @@ class FakeUrg04lx(Faults):
             self._model.parameters()[0],
             f"LASR:{'ON' if self.head.is_lit else 'OFF'}",
             f"SCSP:Initial({rpm}[rpm]){'' if self._slower else default}",
-            f"MESM:{'Measuring' if self._series else 'IDLE'}",
+            f"MESM:{'Measuring' if self._measuring.is_streaming else 'IDLE'}",
             f"SBPS:{rate}[bps]{default if rate == RATES[0] else ''}",
             f"TIME:{self.head.timer_ms():06X}",
             f"STAT:Sensor {f'trouble {self.trouble}' if self.trouble else 'works well'}.",
         ]
 
     def _state_code(self) -> bytes:
-        if self.trouble in TROUBLE:
+        if self._measuring.is_broken:
             return BROKEN
         if self._is_timing:
             return ADJUSTING
-        return STREAMING if self._series else SINGLE if self.head.is_lit else STANDBY
-
-    def _light(self) -> Carried:
-        if self.laser_fails or self.trouble in TROUBLE:
-            return b"01", []
-        if self.head.is_lit:
-            return b"02", []
-        self.head.light()
-        return OK, []
-
-    def _stop(self) -> Carried:
-        self._series = None
-        self.head.dark()
-        return OK, []
+        if self._measuring.is_streaming:
+            return STREAMING
+        return SINGLE if self.head.is_lit else STANDBY
 
     def _reset(self) -> Carried:
-        self._stop()
+        self._measuring.stop()
         self.head.reset()
         self._slower, self._is_sensitive = 0, False
         self._next_baud = RATES[0] if self._model.wire == "serial" else None
         return OK, []
-
-    def _scan(self, one: Request) -> Carried:
-        wanted = asked(one, self._model)
-        if self._series:
-            raise StatusError(BUFFER)
-        latest = self.head.latest
-        if latest is None:
-            raise StatusError(LASER_OFF)
-        self._check_trouble()
-        stamp_ms, values = self.head.scan(latest)
-        return OK, wanted.lines(stamp_ms, values, SCANS[one.command], self._model.dmin)
-
-    def _stream(self, one: Request) -> Carried:
-        wanted = asked(one, self._model)
-        if self._series:
-            raise StatusError(BUFFER)
-        self._check_trouble()
-        if not self.head.is_lit:
-            self.head.light()
-        self._series = Series(one, wanted, self.head.next_scan)
-        return OK, []
-
-    def _check_trouble(self) -> None:
-        if self.trouble in CHECKING or self.trouble in TROUBLE:
-            raise StatusError(b"%02d" % self.trouble)
 
     def _set_rate(self, one: Request) -> Carried:
         if self._model.wire == "tcp":
@@ -265,7 +211,7 @@ class FakeUrg04lx(Faults):
             case b"0" if self._is_timing:
                 return b"02", []
             case b"0":
-                self._stop()
+                self._measuring.stop()
                 self._is_timing = True
             case b"1" if not self._is_timing:
                 return b"04", []
@@ -288,12 +234,8 @@ class FakeUrg04lx(Faults):
             return b"02", []
         if slower == self._slower:
             return b"03", []
-        self._slower, was_lit = slower, self.head.is_lit
-        self.head.turn(slower / 100)
-        if was_lit:
-            self.head.light()
-        if self._series:
-            self._series.next_scan = self.head.next_scan
+        self._slower = slower
+        self._measuring.turn(slower / 100)
         return OK, []
 
     def _sense(self, one: Request) -> Carried:
@@ -308,33 +250,3 @@ class FakeUrg04lx(Faults):
             return b"01", []
         self.trouble = int(one.parameters)
         return OK, []
-
-    def _send_scans(self, now_s: float) -> None:
-        """All that the stream has to say up to now."""
-        series = self._series
-        if series is None or self._is_checked(now_s, series):
-            return
-        for scan in range(max(series.next_scan, self.head.oldest), self.head.next_scan):
-            done_s = self.head.done_s(scan)
-            if scan < series.next_scan or self._line.free_s > done_s:
-                continue
-            stamp_ms, values = self.head.scan(scan)
-            series.sent(scan)
-            lines = series.wanted.lines(stamp_ms, values, series.width, self._model.dmin)
-            self._line.send(done_s, message(series.echo, DATA, lines))
-            if series.is_over:
-                self._stop()
-                return
-
-    def _is_checked(self, now_s: float, series: Series) -> bool:
-        """Whether trouble holds the stream up, and what it says of that."""
-        if self.trouble in TROUBLE:
-            self._line.send(now_s, message(series.echo, b"%02d" % self.trouble, []))
-            self._stop()
-            return True
-        was_checking, series.is_checking = series.is_checking, self.trouble in CHECKING
-        if was_checking != series.is_checking:
-            status = b"%02d" % self.trouble if series.is_checking else RESUMED
-            self._line.send(now_s, message(series.echo, status, []))
-            series.next_scan = self.head.next_scan
-        return series.is_checking

@@ -21,6 +21,7 @@ from fakes.wires.timing import F64, Quartz
 Truth = Callable[[float, F64, F64], F64]
 
 TIMER = 1 << 24  # wraps there, ms
+MOST = (1 << 18) - 1  # mm that three characters can tell
 KEPT_S = 0.9  # a device that was not looked at for longer has lost its oldest scans
 
 
@@ -123,14 +124,13 @@ class Head:
         faults, model = self._faults, self._model
         times_s = self.clock.host_times_s(begin_s + self._steps / model.ares * self._period_s)
         bearings_rad = 2 * np.pi / model.ares * (self._steps - model.afrt)
-        true_m = np.atleast_2d(self._ranges_m_at(float(times_s[0]), times_s, bearings_rad))[0]
-        measured = self._optics.measured(
-            true_m + faults.offset_m, self._random, faults.noise, faults.mixed
-        )
+        echoes_m = np.atleast_2d(self._ranges_m_at(float(times_s[0]), times_s, bearings_rad))
+        true_m: F64 = echoes_m[0] + faults.offset_m
+        measured = self._optics.measured(true_m, self._random, faults.noise, faults.mixed)
         values = np.full(model.last + 1, IMPOSSIBLE, np.int32)
         values[model.amin : model.amax + 1] = measured.values
         for step, value in faults.values_at.items():
             if 0 <= step <= model.last:
-                values[step] = value
+                values[step] = max(0, min(value, MOST))
         self.measured = measured
         return values

@@ -9,6 +9,7 @@ from typing import Literal
 
 RATES = (19200, 57600, 115200, 250000, 500000, 750000)
 KNOWN_RATES = (*RATES, 38400)  # of the family
+OPTIONAL = frozenset((b"HS", b"DB", b"%ST"))  # commands that not all have
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +22,7 @@ class Model:
     serial: str = "H0614967"
     wire: Literal["serial", "usb", "tcp"]
     starts_in_scip2: bool = True
-    extras: frozenset[bytes] = frozenset()  # commands that not all have
+    extras: frozenset[bytes] = frozenset()  # of the optional commands
     dmin: int = 20
     dmax: int = 5600
     ares: int = 1024  # steps of a turn

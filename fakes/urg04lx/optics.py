@@ -137,7 +137,8 @@ def _light_mean(met_m: F64, light: F64) -> tuple[F64, F64]:
 def _slope(change_m: F64) -> F64:
     """Change of the range a step at each ray (n,): of its two sides the lesser."""
     size = np.abs(change_m)
-    return np.fmin(np.append(size, np.nan), np.append(np.nan, size))
+    least: F64 = np.fmin(np.append(size, np.nan), np.append(np.nan, size))
+    return least
 
 
 def _is_alone(told_m: F64) -> Bool:

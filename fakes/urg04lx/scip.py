@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 I32 = npt.NDArray[np.int32]
+Carried = tuple[bytes, list[bytes]]  # status of a reply, and its lines with their sums
 
 OK, DATA, RESUMED, LASER_OFF = b"00", b"99", b"98", b"10"
 BUFFER, TOO_FEW, UNDEFINED = b"0B", b"0C", b"0E"
@@ -21,6 +22,15 @@ TEXT = re.compile(rb"[A-Za-z0-9 ._+@]*")
 MOST_TEXT = 16
 END = re.compile(rb"[\r\n]")
 SCANS = {b"GD": 3, b"GS": 2, b"MD": 3, b"MS": 2}  # characters of a value
+
+SIZES = {  # digits of parameters
+    **dict.fromkeys((b"VV", b"PP", b"II", b"BM", b"QT", b"RS", b"%ST"), 0),
+    **dict.fromkeys((b"GD", b"GS"), 10),
+    **dict.fromkeys((b"MD", b"MS"), 13),
+    **dict.fromkeys((b"TM", b"HS"), 1),
+    **dict.fromkeys((b"CR", b"DB"), 2),
+    b"SS": 6,
+}
 
 
 class StatusError(Exception):
@@ -47,16 +57,19 @@ def request(line: bytes) -> Request:
     return Request(line, head[:size], head[size:], mark + text)
 
 
-def check_text(text: bytes) -> None:
-    """Of a request, from its ";" on.
+def check_form(one: Request) -> None:
+    """Of a request whose command there is: its text, then how many digits it has.
 
     Raises:
-        StatusError: too long, or letters that may not be there.
+        StatusError: not as they must be.
     """
-    if len(text) > 1 + MOST_TEXT:
+    if len(one.text) > 1 + MOST_TEXT:
         raise StatusError(LONG_TEXT)
-    if not TEXT.fullmatch(text[1:]):
+    if not TEXT.fullmatch(one.text[1:]):
         raise StatusError(BAD_TEXT)
+    missing = SIZES[one.command] - len(one.parameters)
+    if missing:
+        raise StatusError(TOO_FEW if missing > 0 else UNDEFINED)
 
 
 def check_sum(line: bytes) -> bytes:

@@ -123,7 +123,7 @@ class Head:
     def _values(self, begin_s: float) -> I32:
         faults, model = self._faults, self._model
         times_s = self.clock.host_times_s(begin_s + self._steps / model.ares * self._period_s)
-        bearings_rad = 2 * np.pi / model.ares * (self._steps - model.afrt)
+        bearings_rad: F64 = 2 * np.pi / model.ares * (self._steps - model.afrt)
         echoes_m = np.atleast_2d(self._ranges_m_at(float(times_s[0]), times_s, bearings_rad))
         true_m: F64 = echoes_m[0] + faults.offset_m
         measured = self._optics.measured(true_m, self._random, faults.noise, faults.mixed)

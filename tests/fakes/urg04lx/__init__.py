@@ -1,0 +1,1 @@
+"""Tests of `fakes/urg04lx`."""

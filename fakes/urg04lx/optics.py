@@ -23,6 +23,7 @@ Bool = npt.NDArray[np.bool_]
 
 FAR, DISAGREES, TWO_WAVES, TOO_STRONG, IMPOSSIBLE = 0, 7, 8, 18, 19
 HALF_WAVES_M = 299_792_458.0 / 2 / np.array([46.55e6, 53.2e6])  # 3.22 and 2.82 m: modulo these
+NOTHING_M = 1000.0  # no light comes back from there
 TURNS = np.arange(7)[:, None]  # of the first wave up to 22.5 m
 TWO_WAVES_M = 0.12  # by which the two may differ
 DISAGREE_M, DISAGREE_SHARE = 0.4, 0.5  # a range alone, so far from both sides; how often it is told
@@ -60,7 +61,7 @@ class Optics:
         """
         model, n = self._model, len(true_m)
         chance = random.random((2, n))
-        ranges_m = np.where(np.isfinite(true_m), true_m, np.nan)
+        ranges_m = np.where(np.abs(true_m) < NOTHING_M, true_m, np.nan)
         change_m = np.diff(ranges_m)
         mixed, apart = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
         light_m = ranges_m
@@ -75,11 +76,11 @@ class Optics:
         is_alone = mixed & _is_alone(told_m) & (chance[0] < DISAGREE_SHARE)
         is_square = (ranges_m < STRONG_M) & (slope < STRONG_SLOPE) & (chance[1] < STRONG_SHARE)
         values = np.where(codes > model.dmax, FAR, codes)
-        values[codes < model.dmin] = IMPOSSIBLE
         values[is_alone] = DISAGREES
         values[apart] = TWO_WAVES
         values[is_square & (noise > 0)] = TOO_STRONG
         values[true_m == -np.inf] = TOO_STRONG
+        values[(codes < model.dmin) & ~apart | (1000 * ranges_m < model.dmin)] = IMPOSSIBLE
         return Measured(values.astype(np.int32), mixed)
 
     def _mixed(self, ranges_m: F64, change_m: F64) -> tuple[F64, Bool, Bool]:

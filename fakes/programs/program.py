@@ -5,7 +5,7 @@
     python -m fakes.programs.ax3500 --link $HOME/ax3500 --mode rc --fault emergency_stop@5s-8s
 
 One line of JSON on the standard output says where it is; what happens is told on the standard
-error. It serves in real time until SIGINT, SIGTERM or its time is up. Source: the three sheets.
+error. It serves in real time until SIGINT, SIGTERM or its time is up. Source: the devices' sheets.
 """
 
 import argparse
@@ -68,7 +68,8 @@ def url_of(name: str, wire: TcpWire | PtyWire, fake: Any) -> str:
     if isinstance(wire, TcpWire):
         return f"tcp://{wire.host}:{wire.port}"
     form = "&parity=E&bytesize=7" if name in ("ax3500", "drive") else ""
-    return f"serial://{wire.path}?baud={getattr(fake, 'baud', 115200)}{form}"
+    baud = getattr(fake, "baud", None) or 115200  # none: USB takes any
+    return f"serial://{wire.path}?baud={baud}{form}"
 
 
 def world_of(given: argparse.Namespace) -> Any:

@@ -46,7 +46,7 @@ class Head:
         self.measured: Measured | None = None  # of the last scan, with its truth
         self._faults, self._model, self._ranges_m_at = faults, model, ranges_m_at
         self._optics, self._random = Optics(model, seed), np.random.default_rng(seed)
-        self._steps = np.arange(model.amin, model.amax + 1)
+        self._steps = np.arange(model.amin, model.amax + 1, dtype=np.float64)
         self.power_up()
 
     def power_up(self) -> None:

@@ -180,6 +180,29 @@ def test_the_scanner_is_set_as_told_and_a_cut_throws_its_client_out(start: Start
     assert answered.startswith(b"\x02sRA LMPscancfg 9C4 1 ")  # 25 Hz
 
 
+def test_the_hokuyo_scanner_changes_its_rate_on_a_pty_and_answers_over_tcp_too(
+    start: Start, tmp_path: Path
+) -> None:
+    link = tmp_path / "urg"
+    program = start("fakes.programs.urg04lx", "--link", str(link), "--fault", "noise=0@0s")
+    assert program.ports == {"urg04lx": f"serial://{link}?baud=19200"}
+    line = os.open(link, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    assert asked(line, b"QT\n", b"\n\n") == b"QT\nE\n\n"
+    assert asked(line, b"SCIP2.0\n", b"\n\n") == b"SCIP2.0\n0\n\n"
+    assert asked(line, b"SS115200\n", b"\n\n") == b"SS115200\n00P\n\n"
+    settings = termios.tcgetattr(line)
+    settings[4] = settings[5] = termios.B115200
+    termios.tcsetattr(line, termios.TCSANOW, settings)
+    while "host at 115200 baud" not in program.heard():
+        pass
+    assert asked(line, b"BM\n", b"\n\n") == b"BM\n00P\n\n"
+    assert len(asked(line, b"GD0044072500\n", b"\n\n")) == 2134
+    os.close(line)
+    program = start("fakes.programs.urg04lx", "--port", "0", "--model", "UTM-30LX")
+    with program.connect("urg04lx") as client:
+        assert asked(client.fileno(), b"%ST\n", b"\n\n") == b"%ST\n00P\n000@\n\n"
+
+
 def test_the_list_of_faults_tells_all_and_ends() -> None:
     done = ended("fakes.programs.ax3500", "--list-faults")
     names = [line.split()[0] for line in done.stdout.splitlines()]

@@ -63,10 +63,9 @@ class Bench:
         for name, value in attributes.items():
             setattr(self.fake, name, value)
         self.fake.exchange(self.now_s, b"")
-        if not fresh:
-            if model == "URG-04LX":
-                assert self.ask(b"SCIP2.0") == b"SCIP2.0\n0\n\n"
-                assert self.ask(b"SS500000") == b"SS500000\n00P\n\n"
+        if not fresh and model == "URG-04LX":
+            assert self.ask(b"SCIP2.0") == b"SCIP2.0\n0\n\n"
+            assert self.ask(b"SS500000") == b"SS500000\n00P\n\n"
 
     def ask(self, line: bytes, wait_s: float = 0.05) -> bytes:
         """All that comes within wait_s of a line."""

@@ -1,9 +1,20 @@
 """What the fake URG-04LX and its sisters answer to each request, and when they send scans."""
 
+from itertools import pairwise
+
 import pytest
 
 from fakes.urg04lx.device import FakeUrg04lx
-from tests.fakes.urg04lx.bench import START_S, Bench, number, replies, scan_of, status, two_metres
+from tests.fakes.urg04lx.bench import (
+    F64,
+    START_S,
+    Bench,
+    number,
+    replies,
+    scan_of,
+    status,
+    two_metres,
+)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +80,7 @@ def test_in_time_mode_all_else_gets_an_error_and_the_timer_runs_and_wraps() -> N
         assert bench.status(line) == "0E"
     told = [bench.one(b"TM1", 0.1).split(b"\n")[2] for _ in range(3)]
     times_ms = [number(line[:-1]) for line in told]
-    assert [b - a for a, b in zip(times_ms, times_ms[1:], strict=False)] == [100, 100]
+    assert [b - a for a, b in pairwise(times_ms)] == [100, 100]
     assert 1000 < times_ms[0] < 6000  # it has wrapped
     assert [bench.status(b"TM2") for _ in range(2)] == ["00", "03"]
     assert bench.status(b"QT") == "00"
@@ -112,7 +123,7 @@ def test_steps_outside_the_measuring_range_cannot_be_measured() -> None:
 def test_each_step_is_measured_at_its_own_time_and_bearing() -> None:
     asked = []
 
-    def truth(t_first_s: float, times_s, bearings_rad):  # type: ignore[no-untyped-def]
+    def truth(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
         asked.append((t_first_s, times_s, bearings_rad))
         return two_metres(t_first_s, times_s, bearings_rad)
 
@@ -139,7 +150,7 @@ def test_a_slower_motor_is_told_and_its_stream_goes_on() -> None:
     bench.ask(b"MD0384038601000", 0.5)
     bench.ask(b"CR10", 0.3)
     times_ms = [scan_of(reply)[0] for reply in replies(bench.hear(1.0))]
-    assert [b - a for a, b in zip(times_ms, times_ms[1:], strict=False)][:3] == [111, 111, 111]
+    assert [b - a for a, b in pairwise(times_ms)][:3] == [111, 111, 111]
     assert b"SCSP:Initial(540[rpm]);" in bench.ask(b"II", 0.02)
     assert status(bench.one(b"QT", 0.02)) == "00"
     assert bench.status(b"CR99") == "00"
@@ -147,7 +158,7 @@ def test_a_slower_motor_is_told_and_its_stream_goes_on() -> None:
 
 def test_the_usb_sister_is_in_scip_2_has_no_rate_and_knows_more() -> None:
     bench = Bench(model="URG-04LX-UG01")
-    assert b"SCIP2.0\n0Ee\n\n" == bench.ask(b"SCIP2.0")
+    assert bench.ask(b"SCIP2.0") == b"SCIP2.0\n0Ee\n\n"
     assert bench.fake.baud is None
     assert [bench.status(line) for line in (b"SS019200", b"SS115200")] == ["03", "00"]
     assert [bench.status(line) for line in (b"HS1", b"HS1", b"HS2")] == ["00", "02", "01"]
@@ -186,5 +197,5 @@ def test_the_ethernet_sister_has_1081_points_40_times_a_second_and_tells_its_sta
 
 
 def test_a_model_that_there_is_not_is_named() -> None:
-    with pytest.raises(ValueError, match="must be one of URG-04LX, .*is 'UST'"):
+    with pytest.raises(ValueError, match=r"must be one of URG-04LX, .*is 'UST'"):
         FakeUrg04lx(two_metres, 1, "UST")

@@ -12,11 +12,10 @@ from fakes.urg04lx.optics import Measured, Optics
 F64 = npt.NDArray[np.float64]
 URG = MODELS["URG-04LX"]
 N = URG.amax - URG.amin + 1
-STEP_RAD = 2 * np.pi / 1024
 
 
-def measured(true_m: F64, seed: int = 1, **how: float) -> Measured:
-    return Optics(URG, seed).measured(true_m, np.random.default_rng(seed), **how)
+def measured(true_m: F64, seed: int = 1, noise: float = 1.0) -> Measured:
+    return Optics(URG, seed).measured(true_m, np.random.default_rng(seed), noise)
 
 
 def flat(range_m: float) -> F64:

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from fakes.urg04lx import scip
 from tests.fakes.urg04lx import sheet
-from tests.fakes.urg04lx.bench import START_S, Bench, replies, scan_of, status
+from tests.fakes.urg04lx.bench import START_S, Bench, replies, scan_of
 from tests.support.cases import cut
 
 

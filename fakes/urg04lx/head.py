@@ -38,7 +38,8 @@ class Head:
     Args:
         ranges_m_at: (instant of the first step, instants (n,), bearings (n,) rad) to ranges (n,),
             or (2, n) of which the first row counts; m, NaN or inf for nothing, -inf where it is
-            dazzled; host clock; bearing 0 is straight ahead, to the left is positive.
+            dazzled; host clock; bearing 0 is straight ahead, to the left is positive. Of thin rays:
+            what a wide beam makes of an edge is the lens's own.
     """
 
     def __init__(self, faults: Faults, model: Model, ranges_m_at: Truth, seed: int) -> None:

@@ -63,15 +63,11 @@ class Optics:
         chance = random.random((2, n))
         ranges_m = np.where(np.abs(true_m) < NOTHING_M, true_m, np.nan)
         change_m = np.diff(ranges_m)
-        mixed, apart = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
-        light_m = ranges_m
+        light_m, mixed, apart = ranges_m, np.zeros(n, np.bool_), np.zeros(n, np.bool_)
         if mixes:
             light_m, mixed, apart = self._mixed(ranges_m, change_m)
-        far_m = np.maximum(np.nan_to_num(ranges_m), 0.01)
-        slope = np.nan_to_num(_slope(change_m)) / self._step_rad / far_m
-        near_m = np.maximum(model.noise_m, model.noise_share * far_m)
-        sigma_m = np.hypot(near_m, GRAZING_SHARE * model.spot_rad * slope * far_m)
-        told_m = light_m + noise * sigma_m * random.standard_normal(n)
+        slope = self._slope(ranges_m, change_m)
+        told_m = light_m + noise * self._sigma_m(ranges_m, slope) * random.standard_normal(n)
         codes = np.rint(1000 * np.nan_to_num(told_m, nan=1e6)).astype(np.int32)
         is_alone = mixed & _is_alone(told_m) & (chance[0] < DISAGREE_SHARE)
         is_square = (ranges_m < STRONG_M) & (slope < STRONG_SLOPE) & (chance[1] < STRONG_SHARE)
@@ -82,6 +78,19 @@ class Optics:
         values[true_m == -np.inf] = TOO_STRONG
         values[(codes < model.dmin) & ~apart | (1000 * ranges_m < model.dmin)] = IMPOSSIBLE
         return Measured(values.astype(np.int32), mixed)
+
+    def _slope(self, ranges_m: F64, change_m: F64) -> F64:
+        """How steep a surface is at each ray (n,): tangent of the angle to its normal."""
+        size_m = np.abs(change_m)  # of a ray's two sides the lesser counts: the other is an edge
+        least_m = np.fmin(np.append(size_m, np.nan), np.append(np.nan, size_m))
+        slope: F64 = np.nan_to_num(least_m) / (self._step_rad * _at_least_1_cm(ranges_m))
+        return slope
+
+    def _sigma_m(self, ranges_m: F64, slope: F64) -> F64:
+        far_m = _at_least_1_cm(ranges_m)
+        square_m = np.maximum(self._model.noise_m, self._model.noise_share * far_m)
+        sigma_m: F64 = np.hypot(square_m, GRAZING_SHARE * self._model.spot_rad * slope * far_m)
+        return sigma_m
 
     def _mixed(self, ranges_m: F64, change_m: F64) -> tuple[F64, Bool, Bool]:
         """Ranges (n,) as the light has them, which are of two surfaces, and where waves differ."""
@@ -95,9 +104,7 @@ class Optics:
         met_m = np.stack([np.roll(ranges_m, 1), ranges_m, np.roll(ranges_m, -1)])
         shares = np.stack([before, own, after])
         mixed = after + before > 0
-        light = (
-            np.where(shares > 0, shares, 0.0) / np.maximum(np.nan_to_num(met_m, nan=1.0), 0.01) ** 2
-        )
+        light = np.maximum(shares, 0.0) / _at_least_1_cm(met_m) ** 2
         mean = _phase_mean if self._model.is_phase_shift else _light_mean
         told_m, apart_m = mean(np.nan_to_num(met_m), light)
         return np.where(mixed, told_m, ranges_m), mixed, mixed & (apart_m > TWO_WAVES_M)
@@ -135,11 +142,9 @@ def _light_mean(met_m: F64, light: F64) -> tuple[F64, F64]:
     return mean, np.zeros_like(mean)
 
 
-def _slope(change_m: F64) -> F64:
-    """Change of the range a step at each ray (n,): of its two sides the lesser."""
-    size = np.abs(change_m)
-    least: F64 = np.fmin(np.append(size, np.nan), np.append(np.nan, size))
-    return least
+def _at_least_1_cm(ranges_m: F64) -> F64:
+    """Something to divide by, NaN too."""
+    return np.maximum(np.nan_to_num(ranges_m), 0.01)
 
 
 def _is_alone(told_m: F64) -> Bool:

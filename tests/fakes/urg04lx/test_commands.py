@@ -114,7 +114,7 @@ def test_a_cluster_is_the_least_of_its_neighbours_without_error_codes() -> None:
 
 
 def test_steps_outside_the_measuring_range_cannot_be_measured() -> None:
-    bench = Bench(noise=0.0)
+    bench = Bench(noise=0.0, values_at={769: 1, -1: 1, 384: 2000})
     bench.ask(b"BM", 0.3)
     told = scan_of(bench.one(b"GD0000076801"))[1]
     assert told == [19] * 44 + [2000] * 682 + [19] * 43
@@ -192,8 +192,12 @@ def test_the_ethernet_sister_has_1081_points_40_times_a_second_and_tells_its_sta
     sent = replies(bench.hear(1.0))
     assert len(sent) == pytest.approx(40, abs=1)
     assert len(scan_of(sent[0])[1]) == 1081
+    assert bench.fake.baud is None
+    assert b"SS115200\n0Ee\n\n" in bench.ask(b"SS115200")
     bench.fake.reconnected(bench.now_s)
     assert bench.ask(b"%ST") == b"%ST\n00P\n000@\n\n"
+    bench.fake.trouble = 60
+    assert bench.ask(b"%ST").startswith(b"%ST\n00P\n900")
 
 
 def test_a_model_that_there_is_not_is_named() -> None:

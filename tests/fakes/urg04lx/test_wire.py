@@ -8,20 +8,24 @@ from fakes.urg04lx import scip
 from tests.fakes.urg04lx import sheet
 from tests.fakes.urg04lx.bench import START_S, Bench, replies, scan_of
 from tests.support.cases import cut
+from tests.support.urg04lx_vectors import REPLIES
 
 
 def test_it_powers_up_in_scip_1_and_is_switched_once() -> None:
     bench = Bench(fresh=True)
-    assert bench.ask(b"QT") == b"QT\nE\n\n"
-    assert bench.ask(b"SCIP2.0") == b"SCIP2.0\n0\n\n"
-    assert bench.ask(b"SCIP2.0") == b"SCIP2.0\n0Ee\n\n"
+    assert bench.ask(b"QT") == REPLIES["SCIP 1.1 refuses"]
+    assert bench.ask(b"SCIP2.0") == REPLIES["switched to SCIP 2.0"]
+    assert bench.ask(b"SCIP2.0") == REPLIES["switched before"]
     assert bench.ask(b"QT") == b"QT\n00P\n\n"
+    assert bench.ask(b"GD0044072500") == REPLIES["laser off"]
 
 
 def test_it_tells_of_itself_byte_for_byte_as_the_vendors_example() -> None:
     bench = Bench(fresh=True, timer_ms=sheet.II_MS)
     bench.fake.exchange(START_S, b"SCIP2.0\nII\nVV\nPP\n")
-    assert bench.hear(1.0) == b"SCIP2.0\n0\n\n" + sheet.II + sheet.VV + sheet.PP
+    assert bench.hear(1.0) == b"".join(
+        REPLIES[name] for name in ("switched to SCIP 2.0", "vendor II", "vendor VV", "vendor PP")
+    )
 
 
 def test_statuses_and_numbers_are_those_of_the_sheet() -> None:
@@ -41,14 +45,14 @@ def scan_bench() -> Bench:
 def test_a_stream_of_six_points_is_that_of_the_sheet() -> None:
     bench = scan_bench()
     sent = replies(bench.ask(b"MD0044004901000", 0.08))
-    assert sent == [b"MD0044004901000\n00P\n\n", sheet.MD]
+    assert sent == [REPLIES["MD begun"], REPLIES["MD scan"]]
     assert bench.ask(b"QT") == b"QT\n00P\n\n"
 
 
 def test_a_single_scan_of_six_points_with_two_characters_is_that_of_the_sheet() -> None:
     bench = scan_bench()
     assert bench.ask(b"BM", 0.001) == b""  # still on the line
-    assert bench.ask(b"GS0044004900", 0.09) == b"BM\n00P\n\n" + sheet.GS
+    assert bench.ask(b"GS0044004900", 0.09) == b"BM\n00P\n\n" + REPLIES["GS scan"]
 
 
 def test_full_scans_have_the_sizes_of_the_sheet() -> None:

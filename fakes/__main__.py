@@ -33,6 +33,7 @@ def arguments() -> argparse.Namespace:
         default=0,
         help="TCP port of the scanner; 0: a free one",
     )
+    parser.add_argument("--scanner", default="lms111", help="which one it has: lms111, urg04lx")
     parser.add_argument("--ahrs-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument("--drive-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument(
@@ -61,7 +62,10 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     from fakes.programs.stamps import StampedScanner, WatchedWorld
     from fakes.scenes.scene import load_scene
     from fakes.world.error_models import as_the_sheets_say
-    from fakes.world.rig import Rig  # these take half a second: after the handlers of main()
+    from fakes.world.rig import (  # these take half a second: after the handlers of main()
+        SCANNERS,
+        Rig,
+    )
     from fakes.world.truth_log import GroundTruthLog
     from fakes.world.world import World
 
@@ -70,8 +74,12 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     with ExitStack() as files:
         scene = load_scene(given.scene, given.seed)
         errors = as_the_sheets_say(scene.errors) if given.sheet_errors else None
-        world = (WatchedWorld if given.stamp else World)(scene, given.seed, errors)
-        rig = Rig(world, given.seed, given.start_delay, drives=not given.no_driver)
+        if given.scanner not in SCANNERS:
+            raise ValueError(f"--scanner: must be one of {', '.join(SCANNERS)}: {given.scanner}")
+        tilt_deg = SCANNERS[given.scanner].tilt_deg
+        world = (WatchedWorld if given.stamp else World)(scene, given.seed, errors, tilt_deg)
+        drives = not given.no_driver
+        rig = Rig(world, given.seed, given.start_delay, drives=drives, scanner=given.scanner)
         rig.drive.mode = given.drive_mode
         rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
         fakes: dict[str, Any] = {name: getattr(rig, name) for name in DEVICES}

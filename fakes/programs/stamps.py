@@ -14,6 +14,7 @@ from typing import Any
 
 from fakes.scenes.scene import Scene
 from fakes.world.error_models import ErrorModels
+from fakes.world.robot import LENS_TILT_DEG
 from fakes.world.world import F64, World
 
 KEPT = 64  # instants that are not on the wire yet
@@ -24,10 +25,14 @@ class WatchedWorld(World):
     """A world that remembers the instants at which the scanner looked at it, oldest first."""
 
     def __init__(
-        self, scene: Scene | str | Path, seed: int, errors: ErrorModels | None = None
+        self,
+        scene: Scene | str | Path,
+        seed: int,
+        errors: ErrorModels | None = None,
+        tilt_deg: float = LENS_TILT_DEG,
     ) -> None:
         self.swept_s: deque[float] = deque(maxlen=KEPT)  # last beam of each sweep
-        super().__init__(scene, seed, errors)
+        super().__init__(scene, seed, errors, tilt_deg)
         self.swept_s.clear()  # it has looked at itself, to warm up
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:

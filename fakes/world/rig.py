@@ -3,7 +3,10 @@
 It moves no bytes: the caller puts a wire on each device.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -11,14 +14,30 @@ from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from fakes.mti.device import FakeMti
 from fakes.scenes.scene import Scene
+from fakes.urg04lx.device import FakeUrg04lx
 from fakes.world.driver import Driver
 from fakes.world.error_models import ErrorModels
 from fakes.world.kinematic import KinematicWorld
+from fakes.world.robot import LENS_TILT_DEG
 from fakes.world.world import F64, World
 
 AnyWorld = World | KinematicWorld
 
 LOAD_A = 12.0  # of a motor of this robot at full power
+
+
+@dataclass(frozen=True, slots=True)
+class Scanner:
+    """A scanner that may stand on the robot, and how it is mounted there."""
+
+    make: Callable[[Callable[[float, F64, F64], F64], int], FakeLms111 | FakeUrg04lx]
+    tilt_deg: float = LENS_TILT_DEG
+
+
+SCANNERS = {  # by the name of the driver that speaks to it
+    "lms111": Scanner(FakeLms111),
+    "urg04lx": Scanner(lambda truth, seed: FakeUrg04lx(truth, seed, "URG-04LX-UG01"), 16.0),
+}
 
 
 class Rig:
@@ -32,6 +51,7 @@ class Rig:
         start_delay_s: from the first step to the driver's first command.
         drives: False: nobody holds the radio, and the wheels obey what comes over the wire only.
         errors: instead of the scene's own; a world that is ready keeps its own.
+        scanner: one of `SCANNERS`; a world that is ready keeps its mount.
     """
 
     def __init__(
@@ -41,9 +61,14 @@ class Rig:
         start_delay_s: float = 3.0,
         drives: bool = True,
         errors: ErrorModels | None = None,
+        scanner: str = "lms111",
     ) -> None:
-        self.world = scene if isinstance(scene, AnyWorld) else World(scene, seed, errors)
-        self.scanner = FakeLms111(self._ranges_m_at, seed)
+        on_robot = SCANNERS[scanner]
+        if isinstance(scene, AnyWorld):
+            self.world = scene
+        else:
+            self.world = World(scene, seed, errors, on_robot.tilt_deg)
+        self.scanner: Any = on_robot.make(self._ranges_m_at, seed)
         self.ahrs = FakeMti(self.world.motion_at, seed + 1)
         errors = self.world.errors
         share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)

@@ -85,7 +85,8 @@ class Loop:
         key: bytes | None = None,  # of the link
         errors: ErrorModels | None = None,  # instead of the scene's own
     ) -> None:
-        self.rig = Rig(scene, seed, drives=drives, errors=errors)
+        scanner = "lms111" if config is None else config.scanner.driver
+        self.rig = Rig(scene, seed, drives=drives, errors=errors, scanner=scanner)
         self.config = config or rig_config(self.rig.world.scene)
         if not drives:  # a vehicle that is driven from the PC has the watchdog on
             self.rig.drive.parameters[0x00], self.rig.drive.mode = WATCHDOG, "rs232_watchdog"

@@ -9,12 +9,13 @@ import numpy.typing as npt
 import pytest
 
 from fakes.rays.beam_kernels import FAR_M, Beams, aims_of, echoes_of_beams, horizon_of
-from fakes.rays.rays import GLASS_COS, R_BODY_LENS, Rays
+from fakes.rays.rays import GLASS_COS, Rays
 from fakes.rays.targets import MODEL, targets_from
 from fakes.scenes.scene import SCENES, Scene, Solid, load_scene
 from fakes.scenes.solids import Pillar, Shape, bump, mjcf_from_solids
 from fakes.world.kernels import pose_at, poses_at, row_at
-from fakes.world.rotations import R_from_angles
+from fakes.world.robot import LENS_TILT_DEG
+from fakes.world.rotations import R_from_angles, rotation_y
 from tests.support.cases import few
 
 F64 = npt.NDArray[np.float64]
@@ -54,7 +55,9 @@ def beams_at(place: tuple[float, float], angles: tuple[float, float, float]) -> 
     yaw, pitch, roll = angles
     R = R_from_angles(yaw + gone, np.full(n, pitch), np.full(n, roll))
     lens = np.column_stack([place[0] + gone, place[1] - gone, np.full(n, 1.08)])
-    return Beams(lens, R, np.zeros(3), R_BODY_LENS, SWEEP_RAD, MIDDLE, 0.0)
+    return Beams(
+        lens, R, np.zeros(3), rotation_y(math.radians(LENS_TILT_DEG)), SWEEP_RAD, MIDDLE, 0.0
+    )
 
 
 def met_by_kernel(solids: list[Shape], beams: Beams) -> F64:

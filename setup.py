@@ -16,7 +16,13 @@ ROOMS = {"core", "hw", "fakes", "recording", "tools"} | {
     path.stem for path in ROOT.glob("*.py") if path.name != "setup.py"
 }
 PAGE = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("tools/view/page/*.*"))]
-FILES = ("mapod.toml", "hw/mcu/mapod_link.h", "hw/mcu/example.c", "tools/flash/99-mapod.rules")
+FILES = (
+    "mapod.toml",
+    "robots/urg04lx.toml",
+    "hw/mcu/mapod_link.h",
+    "hw/mcu/example.c",
+    "tools/flash/99-mapod.rules",
+)
 DATA = (*FILES, *PAGE)
 
 

@@ -62,10 +62,9 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     from fakes.programs.stamps import StampedScanner, WatchedWorld
     from fakes.scenes.scene import load_scene
     from fakes.world.error_models import as_the_sheets_say
-    from fakes.world.rig import (  # these take half a second: after the handlers of main()
-        SCANNERS,
-        Rig,
-    )
+
+    # these take half a second: after the handlers of main()
+    from fakes.world.rig import SCANNERS, Rig
     from fakes.world.truth_log import GroundTruthLog
     from fakes.world.world import World
 

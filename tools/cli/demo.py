@@ -17,8 +17,16 @@ from pathlib import Path
 
 from rich.console import Console
 
+from core.config import ConfigError
 from mapod_link.wires import UdpWire
-from tools.cli.options import SHIPPED_CONFIG, fail, lacks_simulation, parser_of
+from tools.cli.options import (
+    ROOT,
+    SHIPPED_CONFIG,
+    configured,
+    fail,
+    lacks_simulation,
+    parser_of,
+)
 from tools.cli.view import NO_PAGE, PAGE_AT, print_summary, watch_and_drive
 from tools.settings import NotThereError, rewritten
 from tools.terminal.planner_end import PlannerEnd, PtyWire, WatchingReceiver
@@ -37,6 +45,7 @@ from tools.terminal.screen import has_screen
 SECONDS_WITHOUT_SCREEN = 20.0
 SERIAL_BAUD = 115_200
 DRIVEN = {"robot.enable_motors": True, "robot.start_clear_m": 9.0}  # the corridor begins clear
+ROBOTS = sorted(path.stem for path in (ROOT / "robots").glob("*.toml"))
 DRIVEN_MPS, DRIVEN_RADPS = 0.5, 0.6
 DRIVEN_WORLD = ("--no-driver", "--drive-mode", "rs232_watchdog")
 
@@ -115,6 +124,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_world()
     parser.add_seconds("until Ctrl-C; 20 without a terminal")
     parser.add_config(SHIPPED_CONFIG)
+    parser.add_argument("--robot", choices=ROBOTS, help="settings of robots/, not of --config")
     parser.add_out("a folder for what all of them say (default: one that stays if one fails)")
     parser.add_argument("--serial", action="store_true", help="planner on a pty, not on UDP")
     parser.add_argument("--record", metavar="FILE", help="record the run: a file, x.mcap")
@@ -123,6 +133,12 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if why := lacks_simulation():
         return fail("demo", why)
+    if options.robot:
+        options.config = ROOT / "robots" / f"{options.robot}.toml"
+    try:
+        driver = configured(options.config).scanner.driver
+    except ConfigError as error:
+        return fail("demo", error)
     world = [sys.executable, "-m", "fakes", "--scene", options.scene, "--seed", str(options.seed)]
-    world += DRIVEN_WORLD if options.drive else ()
+    world += ["--scanner", driver, *(DRIVEN_WORLD if options.drive else ())]
     return run(options, world, APP, Console())

@@ -1,6 +1,10 @@
 """Each constant of method `surface` halved and doubled: what changes in the experiments.
 
     python -m tools.experiments.sensitivity [--only 7] [--constants GATE BEND] [--picture file.png]
+                                            [--kept file.json]
+
+What was found is kept in a file, if one is given: what is in it already is not run again, and the
+picture shows all of it.
 
 Each value runs in a process of its own, with kernels compiled anew: two minutes or so. Told is in
 how many rows of the table a value is better or worse than the shipped one, and unsafe: more cells
@@ -29,6 +33,8 @@ FACTORS = (0.5, 2.0)
 UNSAFE = ("free on", "free cells in", "missed", "wrongly cleared")
 BARS = "bars the way"
 Rows = dict[str, tuple[float, str]]  # value and what is better, by experiment and quantity
+Key = tuple[str, float]  # a constant, and the factor
+Found = dict[str, list[str]]  # rows that changed, by "better", "worse" and "unsafe"
 COLOURS = {"same": (225, 225, 225), "better": (60, 170, 75), "worse": (250, 165, 60)}
 COLOURS["unsafe"] = (215, 40, 40)
 ROW_PX, NAME_PX, WIDE_PX = 18, 150, 90
@@ -105,9 +111,9 @@ def asked(name: str, factor: float, only: str) -> Rows:
         return rows
 
 
-def judged(before: Rows, after: Rows) -> dict[str, list[str]]:
+def judged(before: Rows, after: Rows) -> Found:
     """Rows by "better", "worse" and "unsafe"; what differs by less than 2 % is the same."""
-    found: dict[str, list[str]] = {"better": [], "worse": [], "unsafe": []}
+    found: Found = {"better": [], "worse": [], "unsafe": []}
     for key, (new, aim) in after.items():
         old = before[key][0]
         if aim == "none" or math.isnan(old + new) or abs(new - old) <= 0.02 * max(abs(old), 0.5):
@@ -119,9 +125,23 @@ def judged(before: Rows, after: Rows) -> dict[str, list[str]]:
     return found
 
 
-def draw(path: Path, told: dict[tuple[str, float], dict[str, list[str]]]) -> None:
+def kept_in(path: Path | None) -> dict[Key, Found]:
+    """What an earlier run has found; nothing where there is no such file."""
+    if path is None or not path.exists():
+        return {}
+    rows = json.loads(path.read_text(encoding="utf-8"))
+    return {(name, factor): found for name, factor, found in rows}
+
+
+def keep(path: Path | None, told: dict[Key, Found]) -> None:
+    if path is not None:
+        rows = [[*key, found] for key, found in told.items()]
+        path.write_text(json.dumps(rows, indent=1), encoding="utf-8")
+
+
+def draw(path: Path, told: dict[Key, Found]) -> None:
     """A row a constant, a field a factor: the worst that happens, and in how many rows."""
-    names = list(dict.fromkeys(name for name, _ in told))
+    names = [name for name in constants() if all((name, factor) in told for factor in FACTORS)]
     size = (NAME_PX + WIDE_PX * len(FACTORS), ROW_PX * (1 + len(names)))
     sheet = Image.new("RGB", size, (255, 255, 255))
     pen = ImageDraw.Draw(sheet)
@@ -144,20 +164,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--only", default="", help="experiments whose name begins so")
     parser.add_argument("--constants", nargs="*", default=constants(), help="these; all of them")
     parser.add_argument("--picture", type=Path, help="a PNG file")
+    parser.add_argument("--kept", type=Path, help="a JSON file to go on from and to write")
     parser.add_argument("--jobs", type=int, default=1, help="processes at once")
     parser.add_argument("--one", nargs=2, help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
     if options.one:
         print(json.dumps(run_one(options.one[0], float(options.one[1]), options.only)))
         return 0
-    before = asked("", 1.0, options.only)
-    told: dict[tuple[str, float], dict[str, list[str]]] = {}
+    told = kept_in(options.kept)
     wanted = [(name, factor) for name in options.constants for factor in FACTORS]
+    wanted = [key for key in wanted if key not in told]
+    before = asked("", 1.0, options.only) if wanted else {}
     with ThreadPoolExecutor(options.jobs) as pool:
         for key, after in zip(
             wanted, pool.map(lambda key: asked(key[0], key[1], options.only), wanted), strict=True
         ):
             told[key] = found = judged(before, after)
+            keep(options.kept, told)
             counts = ", ".join(f"{len(keys)} {kind}" for kind, keys in found.items())
             print(f"{key[0]} times {key[1]:g}: {counts}", flush=True)
             print("".join(f"  {kind}: {row}\n" for kind in found for row in found[kind]), end="")

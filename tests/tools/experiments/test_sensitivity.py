@@ -8,7 +8,17 @@ import pytest
 from PIL import Image
 
 from core.mapping.surface import constants as shipped
-from tools.experiments.sensitivity import COLOURS, Rows, constants, draw, judged, scaled
+from tools.experiments.sensitivity import (
+    COLOURS,
+    Rows,
+    constants,
+    draw,
+    judged,
+    keep,
+    kept_in,
+    main,
+    scaled,
+)
 
 
 def values(text: str) -> dict[str, Any]:
@@ -62,3 +72,12 @@ def test_what_changes_is_better_worse_or_unsafe(
     draw(tmp_path / "it.png", {("GATE", 0.5): found, ("GATE", 2.0): judged(BEFORE, BEFORE)})
     colours = {colour for _, colour in Image.open(tmp_path / "it.png").getcolors() or []}
     assert {COLOURS[kind], COLOURS["same"]} <= colours
+
+
+def test_what_was_found_is_kept_and_not_run_again(tmp_path: Path) -> None:
+    path, found = tmp_path / "kept.json", {"better": ["a"], "worse": [], "unsafe": []}
+    told = {("GATE", 0.5): found, ("GATE", 2.0): found}
+    keep(path, told)
+    assert kept_in(path) == told
+    assert kept_in(tmp_path / "none.json") == {}
+    assert main(["--constants", "GATE", "--kept", str(path)]) == 0

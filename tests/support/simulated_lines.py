@@ -24,7 +24,7 @@ class _AtBaud:
         self._fake, self._host = fake, baud
 
     def exchange(self, now_s: float, received: bytes) -> bytes:
-        own: int = getattr(self._fake, "baud", self._host)
+        own: int = getattr(self._fake, "baud", None) or self._host  # None: USB takes any
         said = self._fake.exchange(now_s, heard_at(received, self._host, own))
         return heard_at(said, own, self._host)
 
@@ -60,9 +60,9 @@ class SimulatedLines:
         """The path of a serial port with that device."""
         return self._place(fake, f"/dev/ttySIM{len(self._fakes)}")
 
-    def tcp(self, fake: Fake) -> str:
+    def tcp(self, fake: Fake, port: str = "") -> str:
         """HOST:PORT of a device on the network."""
-        return self._place(fake, f"{HOST}:{2111 + len(self._fakes)}")
+        return self._place(fake, f"{HOST}:{port or 2111 + len(self._fakes)}")
 
     def _place(self, fake: Fake, new: str) -> str:
         place = next((place for place, known in self._fakes.items() if known is fake), new)

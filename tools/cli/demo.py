@@ -20,7 +20,7 @@ from rich.console import Console
 from core.config import ConfigError
 from mapod_link.wires import UdpWire
 from tools.cli.options import (
-    ROOT,
+    ROBOTS,
     SHIPPED_CONFIG,
     configured,
     fail,
@@ -45,7 +45,6 @@ from tools.terminal.screen import has_screen
 SECONDS_WITHOUT_SCREEN = 20.0
 SERIAL_BAUD = 115_200
 DRIVEN = {"robot.enable_motors": True, "robot.start_clear_m": 9.0}  # the corridor begins clear
-ROBOTS = sorted(path.stem for path in (ROOT / "robots").glob("*.toml"))
 DRIVEN_MPS, DRIVEN_RADPS = 0.5, 0.6
 DRIVEN_WORLD = ("--no-driver", "--drive-mode", "rs232_watchdog")
 
@@ -134,7 +133,7 @@ def main(arguments: list[str] | None = None) -> int:
     if why := lacks_simulation():
         return fail("demo", why)
     if options.robot:
-        options.config = ROOT / "robots" / f"{options.robot}.toml"
+        options.config = ROBOTS[options.robot]
     try:
         driver = configured(options.config).scanner.driver
     except ConfigError as error:

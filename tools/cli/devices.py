@@ -129,7 +129,6 @@ def _maybe_scanner(path: str, heard: bytearray) -> Found | None:
         url = MTI_URL.format(path=path, baud=baud)
         with conversation(url, ScipParser()) as talk:
             try:
-                scip.ask(talk, "VV", tries=1)
                 scip.greet(talk)
                 says = f"laser scanner that {', '.join(scip.told(talk, scip.WHO))} at {baud} baud"
                 return Found(path, "scanner", url, says)

@@ -18,6 +18,7 @@ from core.config import Config, ConfigError
 
 ROOT = Path(__file__).resolve().parents[2]  # of the sources; of the package where it is installed
 SHIPPED_CONFIG = ROOT / "mapod.toml"
+ROBOTS = {path.stem: path for path in sorted((ROOT / "robots").glob("*.toml"))}  # others' settings
 USAGE = 2  # exit status
 Value = TypeVar("Value")
 ROOMS = __package__.removesuffix("tools.cli")  # "mapod." where it is installed

@@ -13,7 +13,7 @@ from pathlib import Path
 from core.config import ConfigError
 from main import RECORD, UNATTENDED
 from main import run as run_app
-from tools.cli.options import ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
+from tools.cli.options import ROBOTS, ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
 from tools.settings_merge import merged
 from version import version as app_version
 
@@ -100,11 +100,12 @@ def init(arguments: list[str] | None = None) -> int:
     parser = parser_of("init", about, *examples)
     older = "settings of an older version: kept as they are, and what is new is added"
     parser.add_argument("--from", type=Path, dest="older", metavar="FILE", help=older)
+    parser.add_argument("--robot", choices=ROBOTS, help="one with another scanner")
     parser.add_out("the file to write", Path("mapod.toml"))
     options = parser.parse_args(arguments)
     path: Path = options.out
     try:
-        text = SHIPPED_CONFIG.read_bytes()
+        text = ROBOTS.get(options.robot, SHIPPED_CONFIG).read_bytes()
         if options.older:
             text = _merged(options.older.read_bytes(), text)
         with path.open("xb") as file:

@@ -10,7 +10,7 @@ from hw.urg04lx.sensor import OK, SCIP1_REFUSES, UNKNOWN, describe_status, texts
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError
 
 PORT = "10940"  # of those on Ethernet
-ANSWER_S = 0.5
+ANSWER_S, QUIET_S = 0.5, 0.14
 WHO = {"VV": ("PROD", "FIRM", "SERI")}
 HOW = {**WHO, "PP": ("MODL", "DMIN", "DMAX", "ARES", "SCAN"), "II": ("LASR", "MESM", "STAT")}
 WORDS = {
@@ -48,7 +48,10 @@ def do(talk: Conversation, command: str, *good: str) -> None:
 
 def greet(talk: Conversation) -> None:
     """It speaks SCIP 2.0, and takes commands. Raises NoAnswerError: it is none."""
-    reply = ask(talk, "VV")
+    talk.say(b"\n")  # ends what others have begun to say
+    for _ in talk.hear(QUIET_S):
+        pass
+    reply = ask(talk, "VV", tries=1)
     if reply.status == SCIP1_REFUSES:
         ask(talk, "SCIP2.0")
     elif reply.status in UNKNOWN:

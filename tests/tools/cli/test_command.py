@@ -16,7 +16,7 @@ from tools.cli.command import COMMANDS, help_text, main
 
 
 def test_every_file_of_a_command_is_in_the_table_and_in_the_help() -> None:
-    parts = {"__init__", "command", "conversation", "options"}
+    parts = {"__init__", "command", "conversation", "options", "scip"}
     files = {path.stem for path in (ROOT / "tools" / "cli").glob("*.py")} - parts
     assert files == {file.partition(":")[0] for file, _ in COMMANDS.values()}
     assert all(re.search(rf"^  {name} ", help_text(), re.MULTILINE) for name in COMMANDS)
@@ -85,6 +85,15 @@ def test_wrong_use_is_told_in_one_line(words: list[str], capsys: Capsys) -> None
     assert len(told.err.splitlines()) == 1, told.err
     assert "invalid a_" not in told.err  # no name of ours, but what is allowed
     assert told.out == ""
+
+
+@pytest.mark.parametrize("robot", options.ROBOTS)
+def test_settings_of_another_robot_are_written(robot: str, tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    assert main(["init", "--robot", robot, "--out", str(path)]) == 0
+    assert path.read_bytes() == options.ROBOTS[robot].read_bytes()
+    with pytest.raises(SystemExit):
+        main(["init", "--robot", "none", "--out", str(tmp_path / "other.toml")])
 
 
 def test_settings_are_written_once(tmp_path: Path, capsys: Capsys) -> None:

@@ -8,11 +8,12 @@ import pytest
 
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
+from fakes.urg04lx.device import FakeUrg04lx
 from hw.ports.url import parse_url
 from tests import Capsys, Patch
 from tests.support.real_time import StillWheels, level_sensor
 from tests.support.simulated_lines import SimulatedLines
-from tools.cli import devices
+from tools.cli import devices, scip
 from tools.cli.devices import Found, toml_lines, udev_rules
 
 
@@ -57,6 +58,28 @@ def test_a_scanner_is_found_with_its_dialect(
     assert f'port = "tcp://{place}"' in printed
     assert f'dialect = "{"binary" if binary else "ascii"}"' in printed
     assert "V1.80.2" in printed
+
+
+@pytest.mark.parametrize("model", ["URG-04LX", "URG-04LX-UG01"])
+def test_a_hokuyo_scanner_is_found_on_a_line_and_measures_on(
+    model: str, capsys: Capsys, lines: SimulatedLines
+) -> None:
+    fake = FakeUrg04lx(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 2.0), 1, model)
+    path = lines.serial(fake)
+    assert devices.main([path]) == 0
+    printed = capsys.readouterr().out
+    url = re.findall(r'^\[scanner\]\nport = "(.+)"$', printed, re.MULTILINE)[0]
+    assert (parse_url(url).path, parse_url(url).baud in (19_200, 115_200)) == (path, True)
+    assert "serial number H0614967" in printed
+
+
+def test_a_hokuyo_scanner_is_found_on_the_network(capsys: Capsys, lines: SimulatedLines) -> None:
+    truth = lambda t_s, times_s, bearings_rad: np.full(len(times_s), 2.0)  # noqa: E731
+    place = lines.tcp(FakeUrg04lx(truth, 1, "UTM-30LX"), scip.PORT)
+    assert devices.main(["/dev/no-such-line", "--scanner", place]) == 0
+    printed = capsys.readouterr().out
+    assert f'port = "tcp://{place}"' in printed
+    assert "UTM-30LX" in printed
 
 
 def test_rules_know_a_device_by_its_serial_number_or_else_by_its_socket() -> None:

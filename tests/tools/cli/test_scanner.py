@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fakes.lms1xx.device import FakeLms111
+from fakes.urg04lx.device import FakeUrg04lx
 from tests import Capsys
 from tests.support.simulated_lines import Said, SimulatedLines
 from tools.cli import scanner
@@ -55,3 +56,25 @@ def test_refusals_and_silence_are_told_in_words(said: Said) -> None:
     silent = five_metres()
     silent.mute = True
     assert "no answer in CoLa-B nor in CoLa-A" in said(silent, "info", status=1)
+
+
+@pytest.fixture
+def line_said(capsys: Capsys, lines: SimulatedLines) -> Said:
+    return Said(capsys, lines, scanner.main, "baud=19200")
+
+
+def test_a_hokuyo_scanner_tells_who_it_is_and_does_what_it_is_told(line_said: Said) -> None:
+    """As it powers up: in SCIP 1.1, at 19200 baud."""
+    fake = FakeUrg04lx(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 2.0), 1)
+    told = line_said(fake, "info")
+    for words in ("speaks SCIP 2.0", "serial number H0614967", "to 5600 mm", "laser OFF"):
+        assert words in told
+    assert "laser is on" in line_said(fake, "start")
+    assert fake.head.is_lit
+    assert "laser is off" in line_said(fake, "stop")
+    assert "those of power on" in line_said(fake, "reboot")
+    assert "no such command" in line_said(fake, "store", status=1)
+    fake.trouble = 60
+    assert "refuses BM" in line_said(fake, "start", status=1)
+    fake.mute = True
+    assert "no answer" in line_said(fake, "info", status=1)

@@ -29,4 +29,6 @@ class Faults:
         self.noise = 1.0  # times what its sheet says; 0: none
         self.offset_m = 0.0  # by which all it measures is too far
         self.mixed = True  # beams that meet an edge tell something of their own
+        self.remission = 0.9  # of all that it meets: white; black is 0.05
+        self.remission_at: dict[int, float] = {}  # step -> remission of what is met there
         self.values_at: dict[int, int] = {}  # step -> what it tells, whatever is there

@@ -7,10 +7,11 @@ Source: urg04lx sheet, sections 1 and 4.
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from fakes.urg04lx.faults import Faults
 from fakes.urg04lx.models import Model
@@ -127,11 +128,21 @@ class Head:
         bearings_rad: F64 = 2 * np.pi / model.ares * (self._steps - model.afrt)
         echoes_m = np.atleast_2d(self._ranges_m_at(float(times_s[0]), times_s, bearings_rad))
         true_m: F64 = echoes_m[0] + faults.offset_m
-        measured = self._optics.measured(true_m, self._random, faults.noise, faults.mixed)
+        inside = slice(model.amin, model.amax + 1)
+        remissions = np.full(model.last + 1, faults.remission)
+        _set(remissions, faults.remission_at)
+        measured = self._optics.measured(
+            true_m, self._random, faults.noise, faults.mixed, remissions[inside]
+        )
         values = np.full(model.last + 1, IMPOSSIBLE, np.int32)
-        values[model.amin : model.amax + 1] = measured.values
-        for step, value in faults.values_at.items():
-            if 0 <= step <= model.last:
-                values[step] = max(0, min(value, MOST))
+        values[inside] = measured.values
+        _set(values, faults.values_at)
         self.measured = measured
         return values
+
+
+def _set(steps: npt.NDArray[Any], given: Mapping[int, float]) -> None:
+    """Put what is given for single steps in its place; steps that there are not are left out."""
+    for step, value in given.items():
+        if 0 <= step < len(steps):
+            steps[step] = max(0, min(value, MOST))

@@ -32,9 +32,10 @@ class Model:
     last: int = 768  # step that exists
     rpm: int = 600
     is_phase_shift: bool = True  # else it times pulses
-    noise_m: float = 0.003  # 1 sigma, near
-    noise_share: float = 0.003  # of the range, far
-    spot_rad: float = 0.010  # 40 mm at 4 m
+    noise_m: float = 0.003  # 1 sigma, up to 1 m [U]
+    noise_share: float = 0.003  # of the range, far: three times that is the maker's 1 % [U]
+    spot_rad: float = 0.010  # 40 mm at 4 m [U]
+    reach_m: float = 9.0  # at which white is just seen, square to the beam [U]
 
     def version(self) -> list[str]:
         return [
@@ -90,5 +91,6 @@ MODELS = {
         is_phase_shift=False,
         noise_m=0.010,
         noise_share=0.001,
+        reach_m=60.0,
     ),
 }

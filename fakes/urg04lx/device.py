@@ -21,6 +21,7 @@ from fakes.urg04lx.scip import (
     OK,
     SWITCH,
     UNDEFINED,
+    UPDATING,
     Carried,
     Request,
     RequestReader,
@@ -35,9 +36,10 @@ from fakes.urg04lx.scip import (
 
 ANSWER_S = 0.001
 IN_TIME_MODE = (b"TM", b"%ST")
+IN_UPDATE_MODE = (b"VV", b"II", b"RS")
 EXTENSIONS = (b"ME", b"GE", b"ND", b"NE", b"HD", b"HE", b"RB", b"RT", b"%ST", b"%SL")
-SLOWEST, DEFAULT_SPEED = 10, 99  # of CR: so many hundredths slower, at most
-STANDBY, ADJUSTING, SINGLE, STREAMING, BROKEN = b"000", b"002", b"003", b"004", b"900"  # of %ST
+SLOWEST, DEFAULT_SPEED = 10, 99  # of CR: so many hundredths slower, at most [U]
+STANDBY, ADJUSTING, SINGLE, STREAMING, BROKEN = b"000", b"002", b"003", b"004", b"900"  # %ST [U]
 
 
 class FakeUrg04lx(Faults):
@@ -65,6 +67,7 @@ class FakeUrg04lx(Faults):
         self._is_timing = self._is_hung = self._is_sensitive = False
         self._slower = 0
         self._next_baud: int | None = None  # once the reply is out
+        self._reboots, self._before = False, b""  # once the reply is out; the command before
         self.baud = RATES[0] if self._model.wire == "serial" else None
 
     def restart(self, now_s: float) -> None:
@@ -96,6 +99,8 @@ class FakeUrg04lx(Faults):
         now_s = self.head.clock.follow(now_s, self.drift_ppm)
         if self._next_baud is not None and self._line.is_empty:
             self.baud, self._next_baud = self._next_baud, None
+        if self._reboots and self._line.is_empty:
+            self._power_up()
         is_up = self.head.clock.device_s >= self.start_silent_s
         if is_up and not self.deaf and not self._is_hung:
             self._asked.extend(self._reader.feed(received))
@@ -116,7 +121,7 @@ class FakeUrg04lx(Faults):
                 status, lines = self._carry_out(one)
             except StatusError as refused:
                 status, lines = refused.status, []
-            reply = message(line, status, lines)
+            self._before, reply = one.command, message(line, status, lines)
         else:
             self._is_scip2 = line == SWITCH
             reply = line + (b"\n0\n\n" if self._is_scip2 else b"\nE\n\n")
@@ -149,13 +154,18 @@ class FakeUrg04lx(Faults):
             b"CR": self._turn,
             b"HS": self._sense,
             b"DB": self._simulate,
+            b"RB": lambda _: self._reboot(),
             b"%ST": lambda _: (OK, [summed(self._state_code())]),
         }
         if one.command not in commands or one.command in OPTIONAL - self._model.extras:
             raise StatusError(UNDEFINED)
         if self._is_timing and one.command not in IN_TIME_MODE:
             raise StatusError(UNDEFINED)
+        if self.updates_firmware and one.command not in IN_UPDATE_MODE:
+            raise StatusError(UPDATING)
         check_form(one)
+        if (refused := self.refuse.get(one.command.decode("latin-1"))) is not None:
+            raise StatusError(refused.encode("ascii", "replace"))
         return commands[one.command](one)
 
     def _version(self) -> list[bytes]:
@@ -192,6 +202,11 @@ class FakeUrg04lx(Faults):
         self._slower, self._is_sensitive = 0, False
         self._next_baud = RATES[0] if self._model.wire == "serial" else None
         return OK, []
+
+    def _reboot(self) -> Carried:
+        """Two in a row do it [U: as a client for Ethernet models asks for it]."""
+        self._reboots = self._before == b"RB"
+        return OK if self._reboots else b"01", []
 
     def _set_rate(self, one: Request) -> Carried:
         if self._model.wire == "tcp":

@@ -14,6 +14,8 @@ class Faults:
         self.damaged_rate = 0.0  # of messages: one of their bytes is altered
         self.lost_line_rate = 0.0  # of messages: one of their lines is missing
         self.cut_next = False  # the next message stops in its middle; then off again
+        self.refuse: dict[str, str] = {}  # command -> status that it gets in SCIP 2.0, as 0A
+        self.updates_firmware = False  # all but VV, II, RS and SCIP2.0 gets 0I
         self.splits_serial = False  # a stray line break in VV's serial number, and a wrong sum
         self.hangs_at_extensions = False  # commands of other models make it deaf until a restart
         self.baud: int | None = None  # of its serial line, until SS, RS or a restart; None: no line

@@ -1,6 +1,6 @@
 """What each kind of scanner is: its steps and reach, its wire, and what it says of itself.
 
-Texts of the URG-04LX are the vendor's example; those of the sisters are made after them.
+Texts of the URG-04LX are the vendor's example; those of the sisters are made after them [U].
 Source: urg04lx sheet, sections 1, 5 and 7.
 """
 
@@ -9,7 +9,7 @@ from typing import Literal
 
 RATES = (19200, 57600, 115200, 250000, 500000, 750000)
 KNOWN_RATES = (*RATES, 38400)  # of the family
-OPTIONAL = frozenset((b"HS", b"DB", b"%ST"))  # commands that not all have
+OPTIONAL = frozenset((b"HS", b"DB", b"%ST", b"RB"))  # commands that not all have
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +79,7 @@ MODELS = {
         product="SOKUIKI Sensor TOP-URG UTM-30LX",
         firmware="1.19.01(10/Nov./2011)",
         wire="tcp",
-        extras=frozenset((b"HS", b"%ST")),
+        extras=frozenset((b"HS", b"%ST", b"RB")),
         dmin=23,
         dmax=60000,
         ares=1440,

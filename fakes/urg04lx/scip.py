@@ -14,7 +14,7 @@ Carried = tuple[bytes, list[bytes]]  # status of a reply, and its lines with the
 
 OK, DATA, RESUMED, LASER_OFF = b"00", b"99", b"98", b"10"
 BUFFER, TOO_FEW, UNDEFINED = b"0B", b"0C", b"0E"
-LONG_TEXT, BAD_TEXT = b"0G", b"0H"
+LONG_TEXT, BAD_TEXT, UPDATING = b"0G", b"0H", b"0I"
 SWITCH = b"SCIP2.0"
 LINE = 64  # characters of data before a sum
 MOST_REQUEST = 80  # bytes that its buffer holds; no request is near it
@@ -24,7 +24,7 @@ END = re.compile(rb"[\r\n]")
 SCANS = {b"GD": 3, b"GS": 2, b"MD": 3, b"MS": 2}  # characters of a value
 
 SIZES = {  # digits of parameters
-    **dict.fromkeys((b"VV", b"PP", b"II", b"BM", b"QT", b"RS", b"%ST"), 0),
+    **dict.fromkeys((b"VV", b"PP", b"II", b"BM", b"QT", b"RS", b"%ST", b"RB"), 0),
     **dict.fromkeys((b"GD", b"GS"), 10),
     **dict.fromkeys((b"MD", b"MS"), 13),
     **dict.fromkeys((b"TM", b"HS"), 1),

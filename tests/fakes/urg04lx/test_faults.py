@@ -114,12 +114,29 @@ def test_frozen_it_tells_the_same_values_with_new_times() -> None:
     assert len({tuple(values) for _, values in told}) == 1
 
 
+def test_a_step_can_be_dark_or_tell_what_it_is_set_to() -> None:
+    bench = Bench(noise=0.0, remission_at={100: 0.05, 2000: 0.05}, values_at={101: 7, 102: 1 << 40})
+    bench.ask(b"BM", 0.3)
+    assert scan_of(bench.one(b"GD0099010300"))[1] == [2000, 2019, 7, (1 << 18) - 1, 2000]
+    bench.fake.remission = 0.02
+    bench.hear(0.2)
+    assert scan_of(bench.one(b"GD0099009900"))[1] == [1]
+
+
 def test_a_command_of_another_model_can_hang_it_until_the_power_is_cycled() -> None:
     bench = Bench(hangs_at_extensions=True)
     assert bench.ask(b"QT") != b""
     assert [bench.ask(line, 0.3) for line in (b"ME0044072501000", b"QT")] == [b"", b""]
     bench.fake.restart(bench.now_s)
     assert bench.ask(b"QT") == b"QT\nE\n\n"
+
+
+def test_a_command_can_be_refused_and_hardly_any_is_obeyed_while_firmware_is_awaited() -> None:
+    bench = Bench(refuse={"PP": "0A"})
+    assert bench.ask(b"PP") == b"PP\n0Aa\n\n"
+    bench.fake.updates_firmware = True
+    told = [bench.status(line) for line in (b"PP", b"BM", b"QT", b"VV", b"II", b"SCIP2.0", b"RS")]
+    assert told == ["0I", "0I", "0I", "00", "00", "0E", "00"]
 
 
 def test_faults_are_ordered_by_a_timetable() -> None:

@@ -3,20 +3,22 @@
 import threading
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from typing import Any
 
 import numpy as np
 import pytest
-from hokuyolx import HokuyoLX
-from hokuyolx.exceptions import HokuyoStatusException
 
 from fakes.urg04lx.device import FakeUrg04lx
 from fakes.wires.timing import F64
 from fakes.wires.wire import TcpWire
 from fakes.world.simple import Room
 
+hokuyolx = pytest.importorskip("hokuyolx")
+refused = pytest.importorskip("hokuyolx.exceptions").HokuyoStatusException
+
 
 @contextmanager
-def client(model: str) -> Iterator[tuple[HokuyoLX, FakeUrg04lx]]:
+def client(model: str) -> Iterator[tuple[Any, FakeUrg04lx]]:
     """Connected; the fake's time runs as fast as it can be stepped, 1 ms a step."""
     fake, done = FakeUrg04lx(Room("room").ranges_m_at, 1, model), threading.Event()
     fake.baud, fake.noise = None, 0.0
@@ -32,8 +34,10 @@ def client(model: str) -> Iterator[tuple[HokuyoLX, FakeUrg04lx]]:
         server = threading.Thread(target=serve)
         server.start()
         try:
-            laser = HokuyoLX(  # buf: it takes one message at a time only if it reads bytewise
-                *(False, False, False), addr=(wire.host, wire.port), buf=1, convert_time=False
+            laser = (
+                hokuyolx.HokuyoLX(  # buf: it takes one message at a time only if it reads bytewise
+                    *(False, False, False), addr=(wire.host, wire.port), buf=1, convert_time=False
+                )
             )
             with closing(laser):
                 yield laser, fake
@@ -68,11 +72,14 @@ def test_it_goes_through_its_whole_session_with_the_ethernet_sister() -> None:
         laser.reset()
         assert laser.version()["PROT"] == "SCIP 2.0"
         assert laser.sensor_state()["LASR"] == "OFF"
+        laser.activate()
+        laser.reboot()
+        assert laser.laser_state() == (0, "Standby state")
 
 
 def test_it_measures_with_the_classic_model_whose_state_it_cannot_ask_for() -> None:
     with client("URG-04LX") as (laser, fake):
-        with pytest.raises(HokuyoStatusException):
+        with pytest.raises(refused):
             laser.laser_state()
         laser.update_info()
         assert (laser.amin, laser.amax, laser.aforw, laser.scan_freq) == (44, 725, 384, 10)
@@ -84,5 +91,5 @@ def test_it_measures_with_the_classic_model_whose_state_it_cannot_ask_for() -> N
         assert len(list(laser.iter_dist(scans=2, grouping=2))) == 2
         fake.trouble = 60
         laser.reset()
-        with pytest.raises(HokuyoStatusException):
+        with pytest.raises(refused):
             laser.get_dist()

@@ -200,6 +200,15 @@ def test_the_ethernet_sister_has_1081_points_40_times_a_second_and_tells_its_sta
     assert bench.ask(b"%ST").startswith(b"%ST\n00P\n900")
 
 
+def test_the_ethernet_sister_reboots_when_it_is_told_so_twice_in_a_row() -> None:
+    bench = Bench(model="UTM-30LX")
+    lines = b"BM", b"RB", b"PP", b"RB", b"RB"
+    assert [bench.status(line) for line in lines] == ["00", "01", "00", "01", "00"]
+    assert b"LASR:OFF" in bench.one(b"II")
+    assert bench.status(b"RB") == "01"
+    assert Bench().status(b"RB") == "0E"
+
+
 def test_a_model_that_there_is_not_is_named() -> None:
     with pytest.raises(ValueError, match=r"must be one of URG-04LX, .*is 'UST'"):
         FakeUrg04lx(two_metres, 1, "UST")

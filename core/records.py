@@ -65,6 +65,8 @@ class ScannerSpec(Struct, frozen=True, eq=False):
     max_beams: int  # rays of a sweep, at most
     max_range_m: float
     echoes: int  # ranges of a ray, at most
+    sigma_m: float  # 1 sigma of a range, near
+    sigma_share: float  # and as a share of it, far: the larger of both
     is_plane: bool  # its sweeps are `Scan`s
     directions: F64  # (n, 3) unit vectors, sensor frame: where it looks
 

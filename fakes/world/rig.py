@@ -34,6 +34,7 @@ class Scanner:
     tilt_deg: float = LENS_TILT_DEG
 
 
+DEFAULT_SCANNER = "lms111"
 SCANNERS = {  # by the name of the driver that speaks to it
     "lms111": Scanner(FakeLms111),
     "urg04lx": Scanner(lambda truth, seed: FakeUrg04lx(truth, seed, "URG-04LX-UG01"), 16.0),
@@ -61,7 +62,7 @@ class Rig:
         start_delay_s: float = 3.0,
         drives: bool = True,
         errors: ErrorModels | None = None,
-        scanner: str = "lms111",
+        scanner: str = DEFAULT_SCANNER,
     ) -> None:
         on_robot = SCANNERS[scanner]
         if isinstance(scene, AnyWorld):

@@ -14,7 +14,7 @@ from hw.lms1xx.cola import DialectSetting
 from hw.lms1xx.telegrams import MAX_BEAMS, Echo
 
 MODES = {(50, 0.5), (25, 0.25), (25, 0.5)}  # Hz, deg
-MAX_RANGE_M = 20.0  # of an LMS111
+MAX_RANGE_M, SIGMA_M = 20.0, 0.012  # of an LMS111; 1 sigma of a range
 AHEAD_DEG = 90.0  # the device angle that is bearing 0
 
 DeviceAngle = Annotated[float, Meta(ge=-45, le=225)]
@@ -56,6 +56,8 @@ class Lms1xxOptions(Struct, frozen=True):
             max_beams=MAX_BEAMS,
             max_range_m=MAX_RANGE_M,
             echoes=2 if self.echo == "both" else 1,
+            sigma_m=SIGMA_M,
+            sigma_share=0.0,
             is_plane=True,
             directions=np.stack(
                 [np.cos(bearings_rad), np.sin(bearings_rad), 0 * bearings_rad], axis=1

@@ -13,12 +13,13 @@ from core.records import F64, ScannerSpec
 
 Model = Literal["URG-04LX", "URG-04LX-UG01", "UTM-30LX", "UST-10LX"]
 Bearing = Annotated[float, Meta(ge=-135, le=135)]
-MODELS: dict[str, tuple[int, float, float, float]] = {
-    # steps of a turn, their bearing to either side, turns a second, longest range
-    "URG-04LX": (1024, 119.9, 10.0, 5.6),
-    "URG-04LX-UG01": (1024, 119.9, 10.0, 5.6),
-    "UTM-30LX": (1440, 135.0, 40.0, 30.0),
-    "UST-10LX": (1440, 135.0, 40.0, 10.0),
+MODELS: dict[str, tuple[int, float, float, float, float, float]] = {
+    # steps of a turn, their bearing to either side, turns a second, longest range,
+    # 1 sigma of a range near, and far as a share: half of the accuracy that is promised
+    "URG-04LX": (1024, 119.9, 10.0, 5.6, 0.005, 0.005),
+    "URG-04LX-UG01": (1024, 119.9, 10.0, 5.6, 0.015, 0.015),
+    "UTM-30LX": (1440, 135.0, 40.0, 30.0, 0.015, 0.0025),
+    "UST-10LX": (1440, 135.0, 40.0, 10.0, 0.020, 0.0),
 }
 
 
@@ -63,7 +64,7 @@ class Urg04lxOptions(Struct, frozen=True):
 
     @property
     def spec(self) -> ScannerSpec:
-        _, side_deg, _, range_m = MODELS[self.model]
+        _, side_deg, _, range_m, sigma_m, sigma_share = MODELS[self.model]
         used_deg = np.arange(self.from_deg, self.to_deg + self.step_deg / 2, self.step_deg)
         used_rad = np.radians(used_deg[np.abs(used_deg) <= side_deg])
         return ScannerSpec(
@@ -71,6 +72,8 @@ class Urg04lxOptions(Struct, frozen=True):
             max_beams=round(2 * side_deg / self.step_deg) + 2,
             max_range_m=range_m,
             echoes=1,
+            sigma_m=sigma_m,
+            sigma_share=sigma_share,
             is_plane=True,
             directions=np.stack([np.cos(used_rad), np.sin(used_rad), 0 * used_rad], axis=1),
         )

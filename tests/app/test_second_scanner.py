@@ -38,7 +38,7 @@ class TwoPlaneOptions(msgspec.Struct, frozen=True):
             @ R_from_rpy(0.0, down_rad, 0.0).T
             for down_rad in PLANES_RAD
         ]
-        return ScannerSpec(1 / self.sweeps_hz, RAYS, 12.0, 1, False, np.vstack(fans))
+        return ScannerSpec(1 / self.sweeps_hz, RAYS, 12.0, 1, 0.012, 0.0, False, np.vstack(fans))
 
     def describe(self) -> str:
         return f"{RAYS} rays in two planes, {self.sweeps_hz:g} times a second"

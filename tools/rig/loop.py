@@ -19,7 +19,7 @@ from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene
 from fakes.wires.wire import DatagramWire, MemoryPort, Wire
 from fakes.world.error_models import ErrorModels
-from fakes.world.rig import AnyWorld, Rig
+from fakes.world.rig import DEFAULT_SCANNER, SCANNERS, AnyWorld, Rig
 
 SHIPPED = Path(__file__).resolve().parents[2] / "mapod.toml"
 START_S = 1000.0
@@ -85,7 +85,8 @@ class Loop:
         key: bytes | None = None,  # of the link
         errors: ErrorModels | None = None,  # instead of the scene's own
     ) -> None:
-        scanner = "lms111" if config is None else config.scanner.driver
+        scanner = DEFAULT_SCANNER if config is None else config.scanner.driver
+        scanner = scanner if scanner in SCANNERS else DEFAULT_SCANNER  # the caller has its own
         self.rig = Rig(scene, seed, drives=drives, errors=errors, scanner=scanner)
         self.config = config or rig_config(self.rig.world.scene)
         if not drives:  # a vehicle that is driven from the PC has the watchdog on

@@ -87,6 +87,8 @@ class Limits(NamedTuple):
     sure_m2: float  # ground less sure is set by what most returns agree on
     wheels_m2: float  # most variance of the plane on which the robot stands
     floor_says: float  # vote of floor where nothing stands
+    sigma_m: float  # of a range, near; far, a share of it
+    sigma_share: float
     noise_m2: float  # of the height of a return from level ground
     far_m: float  # how far ahead level ground is met
     is_plane: bool  # the scanner's beams lie in one

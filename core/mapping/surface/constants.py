@@ -13,7 +13,6 @@ WITNESSES = 15  # returns of one mind: fewer may lie on one thing
 ROUNDS = 3  # of reweighting
 
 # --- sensors
-SIGMA_RANGE_M = 0.012  # of a range (sheet)
 SIGMA_ANGLE_RAD = math.radians(0.03)  # of the attitude, from scan to scan: below its resolution
 SIGMA_FAST_RAD, FAST_S = math.radians(0.15), 10.0  # what the tilt filter leaves, and how slowly
 SIGMA_JUMP_RAD = math.radians(1.0)  # where it goes over to other angles (sheet: 2 deg is two)

@@ -27,7 +27,7 @@ from core.mapping.surface import cells
 from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2
-from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, level_of
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, level_of, sigma_of
 from core.records import F64
 from jit import Record, kernel
 
@@ -222,7 +222,8 @@ def _goes_on(at: int, one: Record, ray: F64, surface: Surface) -> bool:
     Not so near the seam of both that a face there has its returns on both sides of it.
     """
     level, doubt = level_of(ray), GATE * math.sqrt(one.noise_m2)
-    dx, dy, seam = ray[0] / level, ray[1] / level, math.sqrt(2.0) * GATE * SIGMA_RANGE_M
+    sigma = sigma_of(one.ahead_m, surface.limits)
+    dx, dy, seam = ray[0] / level, ray[1] / level, math.sqrt(2.0) * GATE * sigma
     if cell_at(one.x_m - seam * dx, one.y_m - seam * dy, surface.ring) != at:
         return False
     step = surface.ring.cell_m
@@ -304,12 +305,13 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
 
 
 @kernel
-def softness(ranges_m: F64, b: int) -> float:
+def softness(ranges_m: F64, b: int, limits: cells.Limits) -> float:
     """What the first of a beam's echoes says of what it met: whether that lets beams in.
 
     ranges_m (echoes, n): it, and those behind it.
     """
-    r, alike = ranges_m[0, b], GATE * math.sqrt(1.5) * SIGMA_RANGE_M
+    r = ranges_m[0, b]
+    alike = GATE * math.sqrt(1.5) * sigma_of(r, limits)
     before, after = max(0, b - 1), min(ranges_m.shape[1] - 1, b + 1)
     if not last_echo_m(ranges_m, b) - r > THING_M:
         is_met = before < b and abs(last_echo_m(ranges_m, before) - r) < alike
@@ -335,6 +337,6 @@ def end_beams(beams: Beams, surface: Surface) -> None:
         if one.kind != ABOVE:
             continue
         cell = surface.cells[one.at]  # soon hard, if something lies down in it
-        cell.soft = min(2.0 * MOST, cell.soft + softness(beams.ranges_m, b))
+        cell.soft = min(2.0 * MOST, cell.soft + softness(beams.ranges_m, b, surface.limits))
         if surface.limits.soft_m > 0.0:  # it counts for the cells around as well
             touch_around(one.at, surface)

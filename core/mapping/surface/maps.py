@@ -100,10 +100,10 @@ def face_of(h_pos_m: float, height_m: float) -> float:
 def limits_of(config: Config) -> Limits:
     """What the settings tell, worked out once."""
     scanner, obstacle, mount_z_m = config.scanner, config.obstacle, config.scanner.mount_z_m
-    tilt_rad = math.radians(max(0.0, scanner.mount_tilt_deg))
+    tilt_rad, spec = math.radians(max(0.0, scanner.mount_tilt_deg)), scanner.options.spec
     far_m = mount_z_m / max(math.tan(tilt_rad), mount_z_m / REACH_M)
     away_m, parts = math.hypot(mount_z_m, far_m), parts_of(config.map.cell_m)
-    return Limits(
+    limits = Limits(
         h_pos_m=obstacle.h_pos_m,
         h_neg_m=obstacle.h_neg_m,
         height_m=config.robot.height_m,
@@ -113,14 +113,18 @@ def limits_of(config: Config) -> Limits:
         sure_m2=(GUESS * obstacle.h_pos_m) ** 2,
         wheels_m2=math.inf,
         floor_says=0.0,
-        noise_m2=sweep.noise_m2(away_m, mount_z_m / away_m, FLAT_M**2),
+        sigma_m=spec.sigma_m,
+        sigma_share=spec.sigma_share,
+        noise_m2=0.0,
         far_m=far_m,
-        is_plane=scanner.options.spec.is_plane,
+        is_plane=spec.is_plane,
         rises=0.5 * mount_z_m / far_m,
         parts=parts,
         row=min(parts, parts * parts - 1),
         block=max(1, round(constants.REACH_M / config.map.cell_m)),
     )
+    noise_m2 = sweep.noise_m2(away_m, mount_z_m / away_m, FLAT_M**2, limits)
+    return limits._replace(noise_m2=noise_m2)
 
 
 def as_it_stands(limits: Limits) -> Limits:

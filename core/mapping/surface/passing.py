@@ -50,7 +50,8 @@ def _leave(b: int, beams: Beams, surface: Surface) -> float:
     plane = reach(x, y, r, ray, surface)
     one.height_m, one.var_m2 = z - plane.z_m, plane.var_m2
     one.wander_m2 = parted_m2(*in_body(x, y, surface.stand), surface.stand.t_s - plane.seen_s)
-    sigma = math.sqrt(one.var_m2 + one.wander_m2 + noise_m2(r, ray[2], beams.lens_m2))
+    noise = noise_m2(r, ray[2], beams.lens_m2, surface.limits)
+    sigma = math.sqrt(one.var_m2 + one.wander_m2 + noise)
     if one.height_m <= min(surface.limits.h_neg_m, -GATE * sigma):
         one.kind = sweep.BELOW
     return float(r)
@@ -96,7 +97,7 @@ def _pass_low(b: int, end: float, beams: Beams, surface: Surface) -> None:
             vote(at, PASS_LOW, surface)
         if h < 0.0:
             (ahead, aside), age_s = in_body(x, y, surface.stand), surface.stand.t_s - cell.floor_s
-            var = noise_m2(r, ray[2], beams.lens_m2) + cell.var_m2
+            var = noise_m2(r, ray[2], beams.lens_m2, surface.limits) + cell.var_m2
             var += parted_m2(ahead, aside, age_s) + arms_m2(ahead, aside, cell, surface)
             if h * h > GATE * GATE * var:
                 lower(at, part_bit(x, y, cell_m, limits.parts), h, surface)
@@ -134,7 +135,7 @@ def _pass_through(b: int, beams: Beams, surface: Surface, places: I32) -> None:
             seen_s[at] = surface.stand.t_s
         if tall[at]:
             cell, r = surface.cells[at], first_m + k * STEP_M
-            doubt = math.sqrt(noise_m2(r, ray[2], beams.lens_m2))
+            doubt = math.sqrt(noise_m2(r, ray[2], beams.lens_m2, surface.limits))
             z = lens_z + r * rise - ground_of(cell, surface.own)
             if cell.low_m - doubt <= z <= cell.top_m + doubt:
                 vote(at, PASS_THROUGH, surface)

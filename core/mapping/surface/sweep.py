@@ -2,11 +2,11 @@
 
 A return at range r, whose ray has the slope f (its z), is off in height by
 
-    sigma^2 = (SIGMA_RANGE_M f)^2 + (SIGMA_ANGLE_RAD r)^2 (1 - f^2) + lens^2
+    sigma^2 = (sigma_r f)^2 + (SIGMA_ANGLE_RAD r)^2 (1 - f^2) + lens^2
 
-lens^2 is by how much the lens is lifted where the wheels roll over what is uneven. Ground where
-none was measured is that of its neighbours, or reaches there along the beam, d metres, with a share
-kept = 1 / (1 + d / CARRY_M) of its slope.
+sigma_r is the scanner's own; lens^2 is by how much the lens is lifted where the wheels roll over
+what is uneven. Ground where none was measured is that of its neighbours, or reaches there along the
+beam, d metres, with a share kept = 1 / (1 + d / CARRY_M) of its slope.
 
 Source: docs/method.md, section 3.
 """
@@ -57,10 +57,16 @@ class Beams(NamedTuple):
 
 
 @kernel
-def noise_m2(r: float, fall: float, lens_m2: float) -> float:
+def sigma_of(r: float, limits: cells.Limits) -> float:
+    """Of a range, by the scanner's sheet: sigma_r."""
+    return max(limits.sigma_m, limits.sigma_share * r)
+
+
+@kernel
+def noise_m2(r: float, fall: float, lens_m2: float, limits: cells.Limits) -> float:
     """Variance of a return's height: range along the beam, attitude across it, the lens."""
-    across = SIGMA_ANGLE_RAD * r
-    return (SIGMA_RANGE_M * fall) ** 2 + across * across * (1.0 - fall * fall) + lens_m2
+    along, across = sigma_of(r, limits) * fall, SIGMA_ANGLE_RAD * r
+    return along * along + across * across * (1.0 - fall * fall) + lens_m2
 
 
 @kernel
@@ -148,7 +154,7 @@ def hold(beams: Beams, surface: Surface) -> int:
         i, j = math.floor(x / ring.cell_m), math.floor(y / ring.cell_m)
         at = index_of(i, j, ring)
         one.x_m, one.y_m, one.at = x, y, at
-        one.noise_m2 = noise_m2(r, ray[2], beams.lens_m2)
+        one.noise_m2 = noise_m2(r, ray[2], beams.lens_m2, surface.limits)
         one.ahead_m, one.aside_m = in_body(x, y, surface.stand)
         z = set_upright(lens[2] + r * ray[2], one.ahead_m, one.aside_m, surface)
         one.z_m = z

@@ -137,13 +137,14 @@ STALKS, EVEN = (5.0, 5.2, 4.9), (5.0, 5.0, 5.01)
 def test_a_return_is_soft_if_others_lie_about_it_and_something_far_behind(
     first_m: tuple[float, ...], behind_m: tuple[float, ...], vote: float
 ) -> None:
-    assert softness(np.array([first_m, behind_m]), 1) == vote
-    assert softness(np.array([first_m[::-1], behind_m[::-1]]), 1) == vote
+    assert softness(np.array([first_m, behind_m]), 1, LIMITS) == vote
+    assert softness(np.array([first_m[::-1], behind_m[::-1]]), 1, LIMITS) == vote
 
 
 def test_where_the_sweep_ends_and_where_one_echo_is_told_nothing_is_soft() -> None:
     ranges_m = np.array([STALKS, (8.0, 8.0, 8.0)])
-    assert {softness(ranges_m, 0), softness(ranges_m, 2), softness(ranges_m[:1], 1)} == {STOPPED}
+    at_ends = {softness(ranges_m, b, LIMITS) for b in (0, 2)}
+    assert at_ends | {softness(ranges_m[:1], 1, LIMITS)} == {STOPPED}
 
 
 # Cell by cell

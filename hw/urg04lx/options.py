@@ -81,6 +81,8 @@ class Urg04lxOptions(Struct, frozen=True):
     def corrected_m(self, ranges_m: F64) -> F64:
         """Ranges (n,) with the polynomial added; beyond its interval, as at the nearer end."""
         a, b, c, d = self.correction
+        if not any(self.correction):
+            return ranges_m
         nearest_m, farthest_m = self.correction_m
         r = np.minimum(np.maximum(ranges_m, nearest_m), farthest_m)
         return np.asarray(ranges_m + (a + r * (b + r * (c + r * d))))

@@ -60,11 +60,11 @@ class ScanMaker:
 
     def __init__(self, options: Urg04lxOptions) -> None:
         self.clock = DeviceClock(TICK_S, WRAP_TICKS)
-        self.invalid: dict[str, int] = {}  # beams of the newest scan without a range, by their kind
         self._options, self._counter = options, 0
         self._last_ticks: int | None = None
         self._sync: tuple[int, float] | None = None  # a stamp, and the instant of its sending
         self._held_s, self._learnt, self._way = 0.0, 0, ""
+        self._raw: F64 = np.zeros(0)  # of the newest scan
 
     def begin(self, way: str) -> bool:
         """A new stream, maybe of a device that has restarted; whether its time is to be learnt.
@@ -128,6 +128,11 @@ class ScanMaker:
         )
         return scan, missed
 
+    def invalid(self) -> dict[str, int]:
+        """How many beams of the newest scan have no range, by what their codes mean."""
+        counts = {kind: int(np.isin(self._raw, codes).sum()) for kind, codes in KINDS.items()}
+        return {kind: count for kind, count in counts.items() if count}
+
     def _learn(self, ticks: int, latest_s: float) -> None:
         """How long a scan takes to us at least; latest_s: its begin, if that were no time."""
         if self._sync is None or self._learnt >= LEARNT_SCANS:
@@ -144,13 +149,9 @@ class ScanMaker:
         most_mm = float(sensor.most_mm)
         if self._options.characters == 2:
             most_mm = min(most_mm, MOST_TWO_CHARACTERS - 1)
-        self.invalid = {
-            kind: found
-            for kind, codes in KINDS.items()
-            if (found := int(np.isin(raw, codes).sum()))
-        }
-        is_range = (raw >= max(LEAST_RANGE_MM, sensor.least_mm)) & (raw <= most_mm)
-        return np.where(is_range, self._options.corrected_m(raw / 1000.0), math.nan)
+        self._raw, ranges_m = raw, raw / 1000.0
+        ranges_m[(raw < max(LEAST_RANGE_MM, sensor.least_mm)) | (raw > most_mm)] = math.nan
+        return self._options.corrected_m(ranges_m)
 
 
 def _passed_s(before: int, after: int) -> float:

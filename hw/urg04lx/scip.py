@@ -76,13 +76,16 @@ def numbers_in(data: bytes, characters: int) -> F64:
     Raises:
         ScipError: a character that no group has, or a number cut short.
     """
-    groups = np.frombuffer(data, np.uint8).astype(np.int64) - LEAST_CHARACTER
+    groups = np.frombuffer(data, np.uint8) - np.uint8(LEAST_CHARACTER)  # what is less wraps
     if groups.size % characters:
         raise ScipError("data that end within a number")
-    if groups.size and not (groups.min() >= 0 and groups.max() < 1 << BITS):
+    if groups.size and groups.max() >= 1 << BITS:
         raise ScipError("data with characters that no number has")
-    weights = 1 << BITS * np.arange(characters - 1, -1, -1)
-    return (groups.reshape(-1, characters) @ weights).astype(np.float64)
+    values = groups[0::characters].astype(np.float64)
+    for k in range(1, characters):
+        values *= 1 << BITS
+        values += groups[k::characters]
+    return values
 
 
 def _checked_line(line: bytes) -> bytes:

@@ -203,7 +203,7 @@ class Urg04lx(Device[Scan]):
         return self._maker.clock.uncertainty_s
 
     def measured(self) -> dict[str, float]:
-        told = {f"beams: {kind}": float(n) for kind, n in self._maker.invalid.items()}
+        told = {f"beams: {kind}": float(n) for kind, n in self._maker.invalid().items()}
         return {"clock_uncertainty_s": round(self.clock_uncertainty_s, 6), **told}
 
     @property

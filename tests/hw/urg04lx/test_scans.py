@@ -69,7 +69,7 @@ def test_codes_and_what_is_too_far_are_no_ranges_and_are_counted_by_kind() -> No
     values = [0, 1, 2, 7, 8, 18, 19, 20, 5600, 5601]
     scan = scan_of(maker, window, reply_of(values, 0, 50.0))
     assert np.isnan(scan.ranges_m[0]).tolist() == [True] * 7 + [False, False, True]
-    assert maker.invalid == {
+    assert maker.invalid() == {
         "beyond its range": 1, "too little light": 2, "neighbours disagree": 2, "too much light": 1,
     }  # fmt: skip
 

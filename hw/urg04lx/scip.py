@@ -91,10 +91,11 @@ def numbers_in(data: bytes, characters: int) -> F64:
 def _checked_line(line: bytes) -> bytes:
     """A line without its sum, of which a ";" at the end may be a part or not."""
     text = line[:-1]
-    bare = text[:-1] if text.endswith(b";") else text
-    if not line or line[-1] not in (sum_of(text), sum_of(bare)):
-        raise ScipError("wrong sum")
-    return text
+    if line and line[-1] == sum_of(text):
+        return text
+    if text.endswith(b";") and line[-1] == sum_of(text[:-1]):
+        return text
+    raise ScipError("wrong sum")
 
 
 def reply_in(message: bytes, arrived_s: float) -> Reply:

@@ -20,6 +20,7 @@ from app import App, Ports
 from config_file import load_config, with_changes
 from core.config import Config
 from fakes.mti.device import FakeMti
+from fakes.urg04lx.device import FakeUrg04lx
 from fakes.wires.wire import MemoryPort, Wire
 from fakes.world.rig import Rig
 from hw.ax3500.lines import Line, LineParser, maybe_counter
@@ -29,6 +30,10 @@ from hw.lms1xx.scan import ScanMaker
 from hw.lms1xx.telegrams import ScanTelegram, new_parser
 from hw.mti.frames import MtFrame, MtParser, encode_frame
 from hw.mti.mtdata import MtDataDecoder, decode_mtdata2
+from hw.urg04lx import scan as scip_scan
+from hw.urg04lx.options import Urg04lxOptions
+from hw.urg04lx.scip import Reply, ScipParser
+from hw.urg04lx.sensor import Sensor
 from tools.bench.drive import FAST, SHIPPED
 from tools.bench.samples import sample_costs
 
@@ -38,6 +43,7 @@ LINE_PIECE = 64
 ALTERED = 0.01
 ROUNDS = 7  # the best counts: everything else on the machine only adds
 BYTES = 200_000  # of a stream, at least
+URG = Sensor("URG-04LX-UG01", 20, 5600, 1024, 44, 725, 384, 600.0)
 Feed = Callable[[float, bytes], list[object]]
 SETTLE_S, MEASURED_S = 6.0, 10.0
 
@@ -103,6 +109,17 @@ def scans() -> Feed:
     ]
 
 
+def scip_scans() -> Feed:
+    """SCIP replies to ranges in metres, of all steps."""
+    replies = ScipParser()
+    options = Urg04lxOptions("URG-04LX-UG01", -120.0, 120.0, 1, 0, 3, True, [0.0] * 4, [0.02, 5.6])
+    maker, window = scip_scan.ScanMaker(options), scip_scan.Window.of(URG, options)
+    return lambda now_s, data: [
+        maker.scan(event, window) if isinstance(event, Reply) else event
+        for event in replies.feed(now_s, data)
+    ]
+
+
 def samples() -> Feed:
     """Data messages to samples: frame codec and data codec in one."""
     frames, legacy = MtParser(115_200), MtDataDecoder(0x0006, 0x0000_0005)
@@ -143,6 +160,15 @@ def legacy_stream() -> bytes:
     return b"".join(sensor.exchange(0.5 + 0.01 * k, b"") for k in range(1, 101))
 
 
+def scip_stream() -> bytes:
+    """Two seconds of full scans."""
+    fake = FakeUrg04lx(lambda t_s, times_s, bearings_rad: 2.0 + 0.3 * bearings_rad, 1, URG.model)
+    fake.exchange(0.0, b"")
+    fake.exchange(0.1, b"MD0044072501000\n")
+    stream = b"".join(fake.exchange(0.1 + 0.1 * k, b"") for k in range(1, 22))
+    return stream[stream.index(b"\n\n") + 2 :]
+
+
 def counter_stream() -> bytes:
     return b"".join(
         b"?Q%d\r%X\r" % (channel, 0x56CB872 + 37 * step)
@@ -159,6 +185,7 @@ def costs() -> list[Cost]:
     return [
         cost("LMS111, CoLa-B, 541 points, recorded", "telegram", scans, telegrams, PIECE),
         cost("TiM781, CoLa-B, 811 points, recorded", "telegram", scans, text, PIECE),
+        cost("URG-04LX, SCIP 2.0, 682 points", "reply", scip_scans, scip_stream(), LINE_PIECE),
         cost("MTi, MTData, 50 bytes", "packet", samples, legacy_stream(), LINE_PIECE),
         cost("MTi, MTData2, recorded", "packet", samples, recorded, LINE_PIECE),
         cost("AX3500, echo and counter", "line", counters, counter_stream(), LINE_PIECE),

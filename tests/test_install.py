@@ -19,7 +19,7 @@ import pytest
 
 from tests import ROOT
 
-BUILT_FROM = ("mapod", "mapod_link", "core", "recording", "hw", "tools", "fakes")
+BUILT_FROM = ("mapod", "mapod_link", "core", "recording", "hw", "robots", "tools", "fakes")
 BUILD = "from setuptools import build_meta; print(build_meta.build_wheel('dist'))"
 EVERY_MODULE = """
 import contextlib, io, pkgutil, sys
@@ -178,6 +178,7 @@ def test_pip_installs_it_into_a_clean_environment(wheel: Path, tmp_path: Path) -
     for name in names:
         assert f"usage: mapod {name}" in ran(mapod, name, "--help")
     assert str(site) in ran(mapod, "init")
+    assert "mine.toml" in ran(mapod, "init", "--robot", "urg04lx", "--out", "mine.toml")
     assert (tmp_path / "mapod.toml").read_bytes() == (ROOT / "mapod.toml").read_bytes()
     assert "centre beam meets the ground" in ran(mapod, "check")
     assert ran(mapod, "version").startswith("mapod 0.")

@@ -24,7 +24,7 @@ from tools.cli.options import ROOT
 
 LIBC = range(17, 29)  # glibc 2.17 to 2.28: Debian 10, Ubuntu 20.04 and whatever is newer
 LIST = "wheels.json"
-ROOMS = ("mapod", "mapod_link", "core", "recording", "hw", "tools", "fakes")
+ROOMS = ("mapod", "mapod_link", "core", "recording", "hw", "robots", "tools", "fakes")
 BUILD = "from setuptools import build_meta; print(build_meta.build_wheel('dist'))"
 EPOCH = "315532800"  # 1980: the time of files in a wheel, so that it is the same each time
 SETUPTOOLS = 77

@@ -21,14 +21,15 @@ def rewritten(text: str, values: Mapping[str, object]) -> str:
 
 
 def with_values(text: str, section: str, values: Mapping[str, str]) -> str:
-    """The text with the numbers at some keys of a section replaced by others, digit for digit.
+    """The text with numbers, or lists of them, at some keys of a section replaced, digit for digit.
 
     Raises:
         NotThereError: a key is not there on a line of its own.
         ConfigError: a number is out of range.
     """
     changed = _replaced(text, {f"{section}.{key}": value for key, value in values.items()})
-    wanted = with_changes(load_config(text), **{section: {k: float(values[k]) for k in values}})
+    numbers = {key: json.loads(value, parse_int=float) for key, value in values.items()}
+    wanted = with_changes(load_config(text), **{section: numbers})
     if load_config(changed) != wanted:
         raise NotThereError(f"[{section}] {', '.join(values)}: not on a line of its own")
     return changed
@@ -39,7 +40,7 @@ def _replaced(text: str, literals: Mapping[str, str]) -> str:
     for i, line in enumerate(lines):
         if head := re.match(r"\s*\[\s*([\w.]+)\s*\]", line):
             section = head[1]
-        elif entry := re.match(r'(\s*(\w+)\s*=\s*)("[^"]*"|[\w.+-]+)', line):
+        elif entry := re.match(r'(\s*(\w+)\s*=\s*)("[^"]*"|\[[\w.+, -]*\]|[\w.+-]+)', line):
             value = left.pop(f"{section}.{entry[2]}", None)
             if value is not None:
                 lines[i] = f"{entry[1]}{value}{line[entry.end() :]}"

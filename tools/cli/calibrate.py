@@ -1,4 +1,4 @@
-"""Where the scanner sits, from flat floor.
+"""Where the scanner sits, from flat floor. (`mapod calibrate range`: how far off its ranges are.)
 
 Reads the scanner and the attitude sensor of mapod.toml for a while, and estimates the lens's height
 and the scanner's tilt and roll from what is floor. It moves nothing: turn the robot on the spot, or
@@ -25,6 +25,7 @@ from tools.calibration.mount import (
     reads_m,
 )
 from tools.calibration.noted import with_note
+from tools.cli import calibrate_range
 from tools.cli.options import fail, number_in, parser_of
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
@@ -182,6 +183,9 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
 
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused, 2 wrong use."""
+    given = sys.argv[1:] if given is None else given
+    if given[:1] == ["range"]:
+        return calibrate_range.main(given[1:])
     options = arguments(given)
     try:
         text = options.config.read_bytes().decode("utf-8")

@@ -28,7 +28,7 @@ COMMANDS = {  # file, function in it if it is not `main`, and what it does
     "scanner": ("scanner", "talk to the laser scanner"),
     "attitude": ("attitude", "talk to the attitude sensor"),
     "drive": ("drive", "read the motor controller; drive by keyboard"),
-    "calibrate": ("calibrate", "how the scanner sits, from flat floor"),
+    "calibrate": ("calibrate", "how the scanner sits, from flat floor; how its ranges are off"),
     "compare": ("compare", "a real device and its fake, asked the same"),
     "link-test": ("link_test", "check a planner's receiver over its port"),
     "flash": ("flash", "put mapod onto a robot, with a way back"),

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
+from core.mapping.footing import FOOTING, USUAL, Footing, Ground, footing_of
 from core.mapping.surface.cells import Cells
 from core.mapping.surface.constants import LIKELY
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
@@ -25,6 +26,8 @@ UNITS = {  # every layer there is
     "slope": "rad",  # of the ground through the cell and its neighbours; 0: level
     "step": "m",  # largest height difference within the cell and to its neighbours
     "roughness": "m",  # rms, off the plane through them
+    "edge": "m",  # to the nearest known cell that is a step away, up to a reach
+    "foothold": "",  # 1: a foot stands there level and smooth, without an edge; 0: it would not
     "soft": "",  # 1: beams go into what stands there; 0: they do not, or nothing stands there
     "state": "",  # OBSTACLE or FREE
 }
@@ -73,6 +76,8 @@ class Layered(Protocol):
 
     def maybe_ring(self, name: str) -> RingLayer | None: ...
 
+    def maybe_ground(self) -> Ground | None: ...
+
     def causes(self, i: I64, j: I64) -> F64: ...
 
     def ages_s(self, i: I64, j: I64) -> F64: ...
@@ -85,14 +90,31 @@ def _maybe_ring(maps: Layered, name: str) -> RingLayer | None:
     return window.grid, np.where(window.cells == UNKNOWN, np.nan, window.cells)
 
 
-def maybe_layer(maps: Layered, name: str) -> LayerView | None:
+def _flat(grid: RingGrid, i: I64, j: I64) -> I64:
+    """Of world cells (n,), where they would lie in a ring."""
+    return np.asarray(j % grid.size * grid.size + i % grid.size)
+
+
+def maybe_layer(maps: Layered, name: str, footing: Footing = USUAL) -> LayerView | None:
     """A layer by its name in `UNITS`; none where the method has none."""
+    if name in FOOTING:
+        ground = maps.maybe_ground()
+        if ground is None:
+            return None
+        values = footing_of(name, ground, np.arange(ground.z_m.size), footing)
+        return view_of(name, ground.grid, values.reshape(ground.z_m.shape))
     ring = _maybe_ring(maps, name)
     return None if ring is None else view_of(name, *ring)
 
 
-def maybe_values(maps: Layered, name: str, i: I64, j: I64) -> F64 | None:
+def maybe_values(maps: Layered, name: str, i: I64, j: I64, footing: Footing = USUAL) -> F64 | None:
     """What a layer, or one of `ON_ASKING`, holds at world cells i, j (n,); NaN: not known."""
+    if name in FOOTING:
+        ground = maps.maybe_ground()
+        if ground is None:
+            return None
+        values = footing_of(name, ground, _flat(ground.grid, i, j), footing)
+        return _only_inside(ground.grid, i, j, values)
     if name in ON_ASKING:
         return maps.causes(i, j) if name == "cause" else maps.ages_s(i, j)
     ring = _maybe_ring(maps, name)
@@ -112,6 +134,16 @@ def _over_ground_m(cells: Cells) -> F64:
     """Of method `surface`: how high what stands is, 0 where floor was seen, NaN elsewhere."""
     top_m, floor = cells["top_m"], np.where(cells["looks"] > 0, 0.0, np.nan)
     return np.where((cells["stands"] > 0.0) & np.isfinite(top_m), top_m, floor)
+
+
+def surface_ground(cells: Cells, static_rad: F64, grid: RingGrid) -> Ground:
+    """What feet may stand on, of method `surface`, as `heights_of`; nothing where it is soft."""
+    z_m, is_soft = (
+        heights_of(cells, static_rad),
+        (cells["stands"] > 0.0) & (cells["soft"] >= LIKELY),
+    )
+    z_m = np.where(is_soft, np.nan, z_m)
+    return Ground(grid, z_m, z_m + np.minimum(0.0, cells["under_m"]))
 
 
 def maybe_surface_ring(

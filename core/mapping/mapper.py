@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from core.config import Config
 from core.mapping import layers
+from core.mapping.footing import USUAL, Footing
 from core.mapping.layers import LayerView
 from core.mapping.method import MAX_SLOPE_RAD, Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
@@ -145,13 +146,13 @@ class Mapper:
             self._pose, self._pose_s = self.odometry.maybe_pose(now_s), now_s
         return self._pose
 
-    def maybe_layer(self, name: str) -> LayerView | None:
+    def maybe_layer(self, name: str, footing: Footing = USUAL) -> LayerView | None:
         """A layer by its name in `core.mapping.layers.UNITS`, a copy; None where there is none."""
-        return layers.maybe_layer(self.maps, name)
+        return layers.maybe_layer(self.maps, name, footing)
 
-    def maybe_values(self, name: str, i: I64, j: I64) -> F64 | None:
+    def maybe_values(self, name: str, i: I64, j: I64, footing: Footing = USUAL) -> F64 | None:
         """The same, or one of `core.mapping.layers.ON_ASKING`, at world cells i, j (n,)."""
-        return layers.maybe_values(self.maps, name, i, j)
+        return layers.maybe_values(self.maps, name, i, j, footing)
 
     def window(self, trusted: bool) -> ObstacleMap:
         """The obstacle map and what changed in it since the last call."""

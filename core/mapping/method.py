@@ -3,6 +3,7 @@
 from typing import Protocol
 
 from core.grid.window import ObstacleWindow
+from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.layers import RingLayer
 from core.motion.attitude import AttitudeRing
@@ -32,6 +33,9 @@ class Maps(Protocol):
 
         NaN: not known.
         """
+
+    def maybe_ground(self) -> Ground | None:
+        """Heights that feet may stand on; none where the method has no heights of one frame."""
 
     def causes(self, i: I64, j: I64) -> F64:
         """Codes (n,) of `core.mapping.causes`: why the window shows what it does at world cells."""

@@ -211,6 +211,9 @@ class ReferencePlaneMaps:
         """Height above the reference; none for any other name."""
         return (self.window.grid, self.heights_m()) if name == "height" else None
 
+    def maybe_ground(self) -> None:
+        """None: heights of different references can't be compared."""
+
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """Nothing that is not in its layers."""
         return {}

@@ -20,6 +20,7 @@ from core.mapping import layers
 from core.mapping.along import REACH_M
 from core.mapping.body import BodyPose, Sway, body_pose_at
 from core.mapping.causes import BEYOND_STEP, NO_FLOOR
+from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
@@ -256,6 +257,10 @@ class SurfaceMaps:
     def maybe_ring(self, name: str) -> layers.RingLayer | None:
         """A layer by its name; none where there is none."""
         return layers.maybe_surface_ring(name, self.cells, self.static_rad, self.grid)
+
+    def maybe_ground(self) -> Ground | None:
+        """What feet may stand on."""
+        return layers.surface_ground(self.cells, self.static_rad, self.grid)
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell, by what it counts."""

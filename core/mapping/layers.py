@@ -95,7 +95,7 @@ def _flat(grid: RingGrid, i: I64, j: I64) -> I64:
     return np.asarray(j % grid.size * grid.size + i % grid.size)
 
 
-def maybe_layer(maps: Layered, name: str, footing: Footing = USUAL) -> LayerView | None:
+def maybe_layer(maps: Layered, name: str, *, footing: Footing = USUAL) -> LayerView | None:
     """A layer by its name in `UNITS`; none where the method has none."""
     if name in FOOTING:
         ground = maps.maybe_ground()
@@ -107,7 +107,9 @@ def maybe_layer(maps: Layered, name: str, footing: Footing = USUAL) -> LayerView
     return None if ring is None else view_of(name, *ring)
 
 
-def maybe_values(maps: Layered, name: str, i: I64, j: I64, footing: Footing = USUAL) -> F64 | None:
+def maybe_values(
+    maps: Layered, name: str, i: I64, j: I64, *, footing: Footing = USUAL
+) -> F64 | None:
     """What a layer, or one of `ON_ASKING`, holds at world cells i, j (n,); NaN: not known."""
     if name in FOOTING:
         ground = maps.maybe_ground()

@@ -146,13 +146,13 @@ class Mapper:
             self._pose, self._pose_s = self.odometry.maybe_pose(now_s), now_s
         return self._pose
 
-    def maybe_layer(self, name: str, footing: Footing = USUAL) -> LayerView | None:
+    def maybe_layer(self, name: str, *, footing: Footing = USUAL) -> LayerView | None:
         """A layer by its name in `core.mapping.layers.UNITS`, a copy; None where there is none."""
-        return layers.maybe_layer(self.maps, name, footing)
+        return layers.maybe_layer(self.maps, name, footing=footing)
 
-    def maybe_values(self, name: str, i: I64, j: I64, footing: Footing = USUAL) -> F64 | None:
+    def maybe_values(self, name: str, i: I64, j: I64, *, footing: Footing = USUAL) -> F64 | None:
         """The same, or one of `core.mapping.layers.ON_ASKING`, at world cells i, j (n,)."""
-        return layers.maybe_values(self.maps, name, i, j, footing)
+        return layers.maybe_values(self.maps, name, i, j, footing=footing)
 
     def window(self, trusted: bool) -> ObstacleMap:
         """The obstacle map and what changed in it since the last call."""

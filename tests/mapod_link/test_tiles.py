@@ -28,9 +28,11 @@ RAW: dict[int, tuple[int, ...]] = {
     4: (0, 1, 64, 255),
     5: (65_535, 0, 125),
     6: (-32_768, -500, 0, 1234),
+    7: (65_535, 0, 500),
+    8: (65_535, 0, 10_000),
 }
-SCALE = {0: 1.0, 1: 1e-3, 2: 1e-6, 3: 1e-4, 4: 1.0, 5: 1e-1, 6: 1e-3}
-UNKNOWN = {1: -32_768, 2: 65_535, 3: 65_535, 5: 65_535, 6: -32_768}
+SCALE = {0: 1.0, 1: 1e-3, 2: 1e-6, 3: 1e-4, 4: 1.0, 5: 1e-1, 6: 1e-3, 7: 1e-3, 8: 1e-4}
+UNKNOWN = {1: -32_768, 2: 65_535, 3: 65_535, 5: 65_535, 6: -32_768, 7: 65_535, 8: 65_535}
 FORMATS = {1: "h", 4: "B", 6: "h"}
 
 
@@ -103,7 +105,7 @@ class Sender:
         return np.where(raws == UNKNOWN.get(layer, -1), np.nan, raws * SCALE[layer])
 
 
-LAYERS = ("class", "height", "variance", "slope", "cause", "age", "z")
+LAYERS = ("class", "height", "variance", "slope", "cause", "age", "z", "edge", "foothold")
 
 
 @settings(max_examples=examples(30))

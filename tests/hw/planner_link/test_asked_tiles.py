@@ -48,10 +48,12 @@ def test_values_are_packed_as_a_slow_model_packs_them(values: list[float], trust
     slopes = np.frombuffer(pack_values(3, array, trusted), "<u2")
     ages = np.frombuffer(pack_values(5, array, trusted), "<u2")
     assert pack_values(6, array, trusted) == pack_values(1, array, trusted)
+    edges = np.frombuffer(pack_values(7, array, trusted), "<u2")
+    footholds = np.frombuffer(pack_values(8, array, trusted), "<u2")
     for k, value in enumerate(array.tolist()):
         if math.isnan(value):
             assert (heights[k], variances[k], slopes[k]) == (-32_768, 65_535, 65_535)
-            assert ages[k] == 65_535
+            assert ages[k] == edges[k] == footholds[k] == 65_535
             continue
         assert heights[k] == pytest.approx(max(-32_767, min(32_767, value * 1e3)), abs=0.501)
         least = max(0.0, min(65_534.0, value * 1e6))
@@ -59,6 +61,8 @@ def test_values_are_packed_as_a_slow_model_packs_them(values: list[float], trust
         older = max(0.0, min(65_534.0, value * 10))
         assert older - 1e-3 <= ages[k] <= older + 1.001
         assert slopes[k] == pytest.approx(max(0, min(65_534, value * 1e4)), abs=0.501)
+        assert edges[k] == pytest.approx(max(0, min(65_534, value * 1e3)), abs=0.501)
+        assert footholds[k] == pytest.approx(max(0, min(10_000, value * 1e4)), abs=0.501)
 
 
 def ask(line: Line, ask_id: int, layer: int, rectangle: tuple[int, int, int, int]) -> None:

@@ -88,7 +88,7 @@ def test_unknown_and_missing_sections_and_what_is_no_toml_are_named() -> None:
         ("robot", "encoder_ppr", 0, "a whole number from 1 to 100000, is 0"),
         ("robot", "enable_motors", 1, "true or false, is 1"),
         ("robot", "brake_mps2", 0.0, "from 0.01 to 20, is 0.0"),
-        ("scanner", "driver", "urg04lx", "scanner.driver: must be 'lms111', is 'urg04lx'"),
+        ("scanner", "driver", "urg", "scanner.driver: must be 'lms111' or 'urg04lx', is 'urg'"),
         ("scanner", "colour", 1, "unknown key for driver 'lms111'; allowed are driver, port,"),
         ("scanner", "mount_z_m", 0.0, "above 0 to 5, is 0.0"),
         ("scanner", "scan_rate_hz", 30, "25 or 50, is 30"),

@@ -235,17 +235,12 @@ def _goes_on(at: int, one: Record, ray: F64, surface: Surface) -> bool:
 
 
 @kernel
-def _stand(at: int, h: float, one: Record, surface: Surface) -> None:
-    """Something has a return at a height h, low_m and top_m its lowest and highest.
-
-    A grain of dust stands above what it is met over: alone, it widens nothing.
-    """
+def _stand(at: int, h: float, surface: Surface) -> None:
+    """Something has a return at a height h, low_m and top_m its lowest and highest."""
     cell = surface.cells[at]
-    is_point = cell.top_m - cell.low_m < FLAT_M
-    if cell.top_m == -math.inf or (is_point and h < cell.low_m - THING_M):
-        cell.low_m = cell.top_m = h
-    elif one.is_lone == 0 or cell.low_m - THING_M <= h <= cell.top_m + THING_M:
-        cell.low_m, cell.top_m = min(cell.low_m, h), max(cell.top_m, h)
+    if cell.top_m == -math.inf:  # until then the lowest return below the ground
+        cell.low_m = h
+    cell.low_m, cell.top_m = min(cell.low_m, h), max(cell.top_m, h)
     surface.tall[at] = cell.stands > CLEAR
 
 
@@ -253,7 +248,7 @@ def _stand(at: int, h: float, one: Record, surface: Surface) -> None:
 def _rise(at: int, one: Record, surface: Surface) -> None:
     """Over ground that is a guess, it stands what rises in its place more steeply than ground."""
     cell = surface.cells[at]
-    _stand(at, one.z_m - ground_of(cell, surface.own), one, surface)
+    _stand(at, one.z_m - ground_of(cell, surface.own), surface)
     steepest = STEEPEST * surface.ring.cell_m + GATE * math.sqrt(2.0 * one.noise_m2)
     if cell.top_m - cell.low_m > steepest:
         one.kind = ABOVE
@@ -301,7 +296,7 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
         if cell.looks > 0 and cell.parts & part:  # a face, whose top was not seen yet
             over, bound = h - max(-rise, cell.floor_m), limits.face_m
         vote(at, max(0.0, min(HIT, (over - bound) / sigma)), surface)
-        _stand(at, z - ground_of(cell, own), one, surface)
+        _stand(at, z - ground_of(cell, own), surface)
 
 
 @kernel

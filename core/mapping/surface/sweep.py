@@ -39,7 +39,7 @@ RETURN = np.dtype(
         *fields(np.int32, "at witness"),  # flat indices of cells; -1: none, or outside
         *fields(np.int8, "kind tied"),  # what it is; what that ground is
         *fields(np.int8, "is_face"),  # the sweep climbs it sideways steeper than ground can be
-        *fields(np.int8, "is_lone is_before"),  # none beside it; ground nearer was measured
+        *fields(np.int8, "is_before"),  # ground nearer was measured
     ],
     align=True,
 )
@@ -194,11 +194,7 @@ def find_faces(returns: Records, is_plane: bool) -> None:
     last = returns.size - 1
     for b in range(returns.size):
         me, one, other = returns[b], returns[max(0, b - BESIDE)], returns[min(last, b + BESIDE)]
-        me.is_lone, me.is_face = 1, 0
-        for k in (max(0, b - 1), min(last, b + 1)):
-            dx, dy = returns[k].x_m - me.x_m, returns[k].y_m - me.y_m
-            if k != b and returns[k].at >= 0 and dx * dx + dy * dy < THING_M * THING_M:
-                me.is_lone = 0
+        me.is_face = 0
         if me.at >= 0 and one.at >= 0 and other.at >= 0:
             rise, run = abs(other.z_m - one.z_m), abs(other.aside_m - one.aside_m)
             if not is_plane:

@@ -34,6 +34,7 @@ MTI_URL = "serial://{path}?baud={baud}"
 SCANNER_PORTS = ("2112", "2111", scip.PORT)
 SCIP_BAUDS = (115_200, 19_200, 57_600, 250_000, 500_000, 750_000)
 MTI_BAUDS = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
+HOKUYO = "urg04lx"
 LISTEN_LINE_S = 0.6  # a logging line takes 0.23 s
 LISTEN_DATA_S = 0.12  # ten samples a second at least
 ANSWER_S = 0.3
@@ -52,6 +53,7 @@ class Found:
     url: str
     says: str  # in words
     dialect: str = ""  # of a laser scanner
+    driver: str = ""  # where it is not that of the shipped settings
 
 
 def paths_of(named: list[str], adapters: Mapping[str, Any]) -> list[str]:
@@ -131,7 +133,7 @@ def _maybe_scanner(path: str, heard: bytearray) -> Found | None:
             try:
                 scip.greet(talk)
                 says = f"laser scanner that {', '.join(scip.told(talk, scip.WHO))} at {baud} baud"
-                return Found(path, "scanner", url, says)
+                return Found(path, "scanner", url, says, driver=HOKUYO)
             except NoAnswerError:
                 continue
     return None
@@ -168,7 +170,7 @@ def find_scanner(host: str) -> Found:
                 if scanner.is_of_scip(url):
                     scip.greet(talk)
                     words = f"laser scanner that {', '.join(scip.told(talk, scip.WHO))}"
-                    return Found(host, "scanner", url, words)
+                    return Found(host, "scanner", url, words, driver=HOKUYO)
                 dialect = scanner.dialect_of(talk)
                 told = scanner.told(scanner.Scanner(talk, dialect), scanner.WHO)
                 words = f"laser scanner that {', '.join(told)}"
@@ -183,6 +185,8 @@ def toml_lines(found: list[Found]) -> Iterator[str]:
     for one in found:
         if one.section:
             yield f"[{one.section}]"
+            if one.driver:
+                yield f'driver = "{one.driver}"  # its other keys: mapod init --robot {one.driver}'
             yield f'port = "{one.url}"'
         if one.dialect:
             yield f'dialect = "{one.dialect}"'

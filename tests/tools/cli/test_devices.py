@@ -68,7 +68,9 @@ def test_a_hokuyo_scanner_is_found_on_a_line_and_measures_on(
     path = lines.serial(fake)
     assert devices.main([path]) == 0
     printed = capsys.readouterr().out
-    url = re.findall(r'^\[scanner\]\nport = "(.+)"$', printed, re.MULTILINE)[0]
+    url = re.findall(r'^\[scanner\]\ndriver = "urg04lx".*\nport = "(.+)"$', printed, re.MULTILINE)[
+        0
+    ]
     assert (parse_url(url).path, parse_url(url).baud in (19_200, 115_200)) == (path, True)
     assert "serial number H0614967" in printed
 

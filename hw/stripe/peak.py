@@ -118,7 +118,7 @@ def measure_bump(
     one, two = (laser + 1) % 3, (laser + 2) % 3
     reach, centre, sigma, share = 2 * half, float(v), 0.0, 0.0
     for _ in range(3):
-        middle = int(math.floor(centre + 0.5))
+        middle = math.floor(centre + 0.5)
         total = first = second = 0.0
         full = 0
         for row in range(max(0, middle - reach), min(h, middle + reach + 1)):
@@ -139,7 +139,7 @@ def measure_bump(
         share = full / (2.0 * half + 1.0)
         if abs(mean) > reach:  # what it hung on was something beside it
             return float(v), 0.0, share
-        if int(math.floor(v + mean + 0.5)) == middle:
+        if math.floor(v + mean + 0.5) == middle:
             return v + mean, sigma, share
         centre = v + mean
     return centre, sigma, share

@@ -38,6 +38,7 @@ NAMES = {
 OWN = {
     "lms111": {"cola-a", "cola-b"},
     "urg04lx": {"scip"},
+    "stripe": {"http"},
     "mti": {"mt"},
     "ax3500": {"roboteq", "echo"},
 }

@@ -15,6 +15,8 @@ from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.session import Lms111
 from hw.mti.session import Mti, MtiOptions
 from hw.ports.url import parse_url
+from hw.stripe.options import StripeOptions
+from hw.stripe.session import StripeScanner
 from hw.urg04lx.options import Urg04lxOptions
 from hw.urg04lx.session import Urg04lx
 
@@ -136,6 +138,10 @@ def _urg04lx(port: Port, options: Urg04lxOptions, around: Surroundings) -> Urg04
     return Urg04lx(port, options, parse_url(around.url).baud)
 
 
+def _stripe(port: Port, options: StripeOptions, around: Surroundings) -> StripeScanner:
+    return StripeScanner(port, options, parse_url(around.url).host)
+
+
 def _ax3500(port: Port, options: Ax3500Options, around: Surroundings) -> Ax3500:
     speed, enable = around.max_counts_per_s, around.enable_motors
     return Ax3500(port, options, max_counts_per_s=speed, enable_motors=enable)
@@ -144,6 +150,7 @@ def _ax3500(port: Port, options: Ax3500Options, around: Surroundings) -> Ax3500:
 SCANNERS: dict[str, Driver[Scanner]] = {
     "lms111": Driver(Lms1xxOptions, lambda port, options, around: Lms111(port, options)),
     "urg04lx": Driver(Urg04lxOptions, _urg04lx),
+    "stripe": Driver(StripeOptions, _stripe),
 }
 ATTITUDE_SENSORS: dict[str, Driver[AttitudeSensor]] = {"mti": Driver(MtiOptions, _mti)}
 DRIVES: dict[str, Driver[Drive]] = {"ax3500": Driver(Ax3500Options, _ax3500)}

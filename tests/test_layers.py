@@ -34,7 +34,7 @@ MAY_IMPORT = {  # by the first part of a module's name
 LIBRARIES = {
     "jit": {"numpy", "numba"},
     "core": {"numpy", "msgspec"},
-    "hw": {"numpy", "msgspec", "serial", "cobs"},
+    "hw": {"numpy", "msgspec", "serial", "cobs", "cv2"},  # cv2: within functions, see below
     "mapod_link": {"numpy"},
     "recording": {"numpy", "msgspec", "mcap", "zstandard"},
     "fakes": {"numpy", "mujoco"},
@@ -42,7 +42,7 @@ LIBRARIES = {
 }
 CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}
 VOCABULARY = {"core.records", "core.config", "core.geometry"}
-DEVICES = ("lms1xx", "urg04lx", "mti", "ax3500")
+DEVICES = ("lms1xx", "urg04lx", "stripe", "mti", "ax3500")
 OF_AN_LMS = re.compile(
     r"lms1|lms_?\d|1081|contamin|cola|dialect|angular_step|scan_rate|first_deg|last_deg"
 )
@@ -192,6 +192,17 @@ def test_nobody_outside_its_room_knows_of_an_urg04lx() -> None:
         if OF_AN_URG.search(line.lower())
     ]
     assert found == []
+
+
+def test_an_extra_is_loaded_by_who_needs_it_and_no_other() -> None:
+    lines = [
+        (module.name, line)
+        for module in modules().values()
+        if module.room == "hw"
+        for line in module.text.splitlines()
+        if re.match(r" *(import|from) cv2\b", line)
+    ]
+    assert lines == [("hw.stripe.images", "        import cv2")]
 
 
 def test_imports_run_in_no_circle() -> None:

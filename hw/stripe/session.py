@@ -1,0 +1,183 @@
+"""Asks a web camera for its stream, and keeps the newest image for the step that measures in it.
+
+| state     | what it does                               | what ends it                        |
+|-----------|--------------------------------------------|-------------------------------------|
+| ASKING    | GET, once                                  | the head of an answer               |
+| MEASURING | takes the newest whole image of each step  | no good image for too long          |
+| WAITING   | nothing; then wants a fresh connection     | a new connection, or the pause      |
+
+On one connection a camera is asked once: it would not hear us over its stream. An image is decoded
+in `step` alone, and only the newest: what comes faster than steps is passed over, and counted.
+"""
+
+import enum
+import math
+from typing import Any
+
+import numpy as np
+
+from core.records import PointSweep
+from hw.device import BadFrame, Device, DeviceStatus, Port, Reopens, Session, Tick
+from hw.exchange import Exchange, StartAgainError, Steps
+from hw.stripe.images import MISSING, Decoder
+from hw.stripe.mjpeg import Jpeg, MjpegParser, Refused, StreamBegun, encode_request
+from hw.stripe.options import StripeOptions
+from hw.stripe.sweep import SweepMaker
+
+ANSWER_S, PAUSE_S = 3.0, 1.0
+SILENCE_PERIODS, LEAST_SILENCE_S = 8, 2.0
+PIECE = 16_384  # bytes parsed at once
+SHARE_NEWEST, LEAST_SHARE = 0.1, 0.05  # of the columns with a line: its mean, below which is doubt
+JITTER_S = 0.01  # of an image's way to us, which nothing measures
+
+
+class State(enum.Enum):
+    """What a session is doing; the table above."""
+
+    ASKING = "asking for the stream"
+    MEASURING = "measuring"
+    WAITING = "waiting before a new attempt"
+
+
+class Newest:
+    """What the session hands to the step, and hears back."""
+
+    def __init__(self) -> None:
+        self.maybe_jpeg: Jpeg | None = None
+        self.passed_over = 0  # images for which there was no step
+        self.good_s = -math.inf  # when the newest good one came
+        self.complaint = ""  # of the newest bad one
+
+    def take(self, jpeg: Jpeg) -> None:
+        self.passed_over += self.maybe_jpeg is not None
+        self.maybe_jpeg = jpeg
+
+
+class StripeSession:
+    """The conversation, from the beginning of a connection to its end."""
+
+    def __init__(
+        self, status: DeviceStatus, port: Port, newest: Newest, request: bytes, patience_s: float
+    ) -> None:
+        self._status, self._port, self._newest = status, port, newest
+        self._request, self._patience_s = request, patience_s
+        self._exchange = Exchange(status, self._hear, pause_s=PAUSE_S, longest_pause_s=PAUSE_S)
+
+    def run(self) -> Session:
+        yield from self._exchange.turn()
+        while True:
+            try:
+                self._status.session = State.ASKING
+                yield from self._ask()
+                self._status.session = State.MEASURING
+                yield from self._deliver()
+            except StartAgainError as why:
+                self._status.session = State.WAITING
+                self._exchange.fail(why)
+                yield from self._exchange.back_off()
+                if self._request and isinstance(self._port, Reopens):
+                    self._port.reopen(str(why))
+
+    def _ask(self) -> Steps[None]:
+        if not self._request:
+            raise StartAgainError(MISSING)
+
+        def maybe_begun(event: Any) -> StreamBegun | Refused | None:
+            return event if isinstance(event, StreamBegun | Refused) else None
+
+        answer = yield from self._exchange.ask(self._request, maybe_begun, ANSWER_S)
+        if answer is None:
+            raise StartAgainError("the camera does not answer")
+        if isinstance(answer, Refused):
+            raise StartAgainError(answer.why)
+
+    def _deliver(self) -> Steps[None]:
+        newest, exchange = self._newest, self._exchange
+        newest.good_s = max(newest.good_s, exchange.now_s)
+        while exchange.now_s - newest.good_s <= self._patience_s:
+            yield from exchange.turn(b"", newest.good_s + self._patience_s)
+        raise StartAgainError(
+            newest.complaint or f"no image from the camera for {self._patience_s:g} s"
+        )
+
+    def _hear(self, tick: Tick) -> list[Any]:
+        for event in tick.events:
+            if isinstance(event, Jpeg):
+                self._newest.take(event)
+        return tick.events
+
+
+class StripeScanner(Device[PointSweep]):
+    """A camera on its TCP port, beside a laser that draws a line."""
+
+    def __init__(self, port: Port, options: StripeOptions, host: str = "camera") -> None:
+        """host: as the camera is to be called."""
+        self._newest, self._maker = Newest(), SweepMaker(options)
+        self._maker.warm()
+        w, h = options.image_px
+        self._decoder, self._latency_s = Decoder((w, h)), options.latency_s
+        self._share = math.nan  # mean, of the columns that have a line
+        self.is_impaired, self.clock_locked = False, True  # it has no clock but ours
+        request = b"" if self._decoder.is_missing else encode_request(host, options.path)
+        patience_s = max(LEAST_SILENCE_S, SILENCE_PERIODS / options.rate_hz)
+        status = DeviceStatus("stripe")
+
+        def begin() -> Session:
+            self._newest.maybe_jpeg, self._newest.complaint = None, ""
+            return StripeSession(status, port, self._newest, request, patience_s).run()
+
+        super().__init__(
+            status,
+            port,
+            lambda: MjpegParser(options.most_bytes),
+            begin,
+            bytes_per_s=options.rate_hz * options.most_bytes,
+            piece=PIECE,
+        )
+
+    def step(self, now_s: float) -> list[PointSweep]:
+        """The sweep of the newest image since the last step."""
+        super().step(now_s)
+        jpeg, self._newest.maybe_jpeg = self._newest.maybe_jpeg, None
+        if jpeg is None:
+            return []
+        image = self._decoder.image(jpeg.data)
+        if isinstance(image, BadFrame):
+            self.status.reject(image)
+            self._newest.complaint = image.reason
+            return []
+        sweep = self._maker.sweep(image, jpeg.began_s - self._latency_s, jpeg.arrived_s)
+        self._newest.good_s, self._newest.complaint = now_s, ""
+        self.status.heard_s = now_s
+        self.status.state, self.status.cause = "running", ""
+        share = float(np.isfinite(sweep.ranges_m).mean())
+        is_first = math.isnan(self._share)
+        self._share = share if is_first else self._share + SHARE_NEWEST * (share - self._share)
+        return [sweep]
+
+    @property
+    def has_heard(self) -> bool:
+        return self._newest.maybe_jpeg is not None
+
+    @property
+    def clock_uncertainty_s(self) -> float:
+        return JITTER_S
+
+    def measured(self) -> dict[str, float]:
+        told = {"images_passed_over": float(self._newest.passed_over)}
+        if (stripe := self._maker.maybe_stripe) is not None:
+            told |= {
+                "line_share": round(self._share, 3),
+                "contrast": round(float(np.median(stripe.contrasts)), 1),
+                "confidence": round(float(np.median(stripe.confidences)), 2),
+            }
+        return told
+
+    @property
+    def doubt(self) -> str:
+        if self._share < LEAST_SHARE:
+            return "the camera sees no line of the laser: is that on, and its colour right?"
+        return ""
+
+    def _measure(self, now_s: float, events: list[Any]) -> list[PointSweep]:
+        return []  # the step does

@@ -6,14 +6,17 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
 from tests import ROOT
+from tests.hw.stripe.test_sweep import GIVEN
 
 METHODS = {"reference_plane": "core.mapping.paper", "surface": "core.mapping.surface"}
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
+ELSEWHERE = "hw.modbus", "hw.stripe"  # what is off, or another driver's, as shipped
 COLD = """
 import json, sys
 from app import warm_kernels
@@ -53,7 +56,7 @@ def cold_kernels(method: str = "surface") -> set[str]:
     return cold
 
 
-def cold_after(**sections: dict[str, str]) -> set[str]:
+def cold_after(**sections: dict[str, Any]) -> set[str]:
     """What is cold in a process that has warmed these settings, and done nothing else.
 
     Here other tests have run kernels that nobody has warmed.
@@ -65,8 +68,15 @@ def cold_after(**sections: dict[str, str]) -> set[str]:
 
 def test_every_kernel_that_the_settings_can_come_to_is_warm() -> None:
     cold = cold_after()
-    assert {name for name in cold if not name.startswith("hw.modbus")} <= SERVED
-    assert cold_after(modbus=MODBUS) == set()
+    assert {name for name in cold if not name.startswith(ELSEWHERE)} <= SERVED
+    cold = cold_after(modbus=MODBUS)
+    assert {name for name in cold if not name.startswith("hw.stripe")} == set()
+
+
+def test_every_kernel_of_a_camera_is_warm_where_that_is_the_scanner() -> None:
+    ways = [{"driver": "stripe", **GIVEN, "find": find} for find in ("peak", "threshold")]
+    cold = cold_after(scanner=ways[0]) & cold_after(scanner=ways[1])
+    assert not [name for name in cold if name.startswith("hw.stripe")]
 
 
 def test_every_kernel_of_another_method_is_warm_where_that_is_set() -> None:

@@ -101,7 +101,7 @@ def test_derivatives_are_those_of_differences(
             else:
                 moved = plane._replace(**{name: getattr(plane, name) + sign * step * unit})
             ends.append(measured(lens, moved, at[0], at[1])[0])
-        return (ends[0] - ends[1]) / (2 * step * unit)
+        return float((ends[0] - ends[1]) / (2 * step * unit))
 
     range_m, _ = measured(lens, plane, u, v)
     if math.isnan(range_m):

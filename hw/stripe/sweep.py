@@ -10,6 +10,21 @@ from core.records import U8, PointSweep
 from hw.stripe.detect import Stripe, StripeFinder
 from hw.stripe.geometry import ranges_from_pixels, variance_of_range
 from hw.stripe.options import StripeOptions
+from jit import kernel
+
+BLOCK_PX = 32  # of an image, that stays in the nearest cache while it is turned
+
+
+@kernel
+def turn(image: U8, out: U8) -> None:
+    """Fills `out` (w, h, 3) with the image (h, w, 3), its rows as columns."""
+    h, w = image.shape[0], image.shape[1]
+    for top in range(0, h, BLOCK_PX):
+        for left in range(0, w, BLOCK_PX):
+            for u in range(left, min(w, left + BLOCK_PX)):
+                for v in range(top, min(h, top + BLOCK_PX)):
+                    for k in range(3):
+                        out[u, v, k] = image[v, u, k]
 
 
 class SweepMaker:
@@ -34,10 +49,10 @@ class SweepMaker:
             ValueError: an image of another size.
         """
         if self._is_up:
-            turned = image.transpose(1, 0, 2)
-            if turned.shape != self._turned.shape:
-                raise ValueError(f"an image of {self._options.image_px} px is needed")
-            np.copyto(self._turned, turned)
+            w, h = self._options.image_px
+            if image.shape != (h, w, 3):
+                raise ValueError(f"an image of {w} x {h} px is needed, this is {image.shape}")
+            turn(np.ascontiguousarray(image), self._turned)
             image = self._turned
         stripe = self.maybe_stripe = self._finder.find(image)
         n = stripe.peaks_px.size
@@ -59,6 +74,8 @@ class SweepMaker:
     def warm(self) -> None:
         """Run each kernel once, so that none is compiled while a robot drives."""
         w, h = self._options.image_px
-        self.sweep(np.zeros((h, w, 3), np.uint8), 0.0, 0.0)
+        black = np.zeros((h, w, 3), np.uint8)
+        self.sweep(black, 0.0, 0.0)
+        turn(black, np.zeros((w, h, 3), np.uint8))
         variance_of_range(self._lens, self._plane, self._options.sigmas, w / 2.0, h / 2.0)
         self.maybe_stripe, self._counter = None, 0

@@ -336,6 +336,8 @@ def _allowed(field_type: Any) -> str:
     match info:
         case msgspec.inspect.ListType(item_type=msgspec.inspect.IntType()):
             return f"a list of whole numbers {_span(info.item_type)}"
+        case msgspec.inspect.ListType(item_type=msgspec.inspect.FloatType()):
+            return f"a list of {info.min_length} numbers"
         case msgspec.inspect.ListType():
             return f"a list, each of it {_allowed_literal(info.item_type)}"
         case msgspec.inspect.LiteralType():

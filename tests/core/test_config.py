@@ -80,6 +80,12 @@ def test_unknown_and_missing_sections_and_what_is_no_toml_are_named() -> None:
     assert "line 2" in error_of("[loop]\nrate_hz = \n")
 
 
+def test_a_list_of_numbers_that_is_too_short_is_told() -> None:
+    text = (ROOT / "robots" / "urg04lx.toml").read_text(encoding="utf-8")
+    short = text.replace("correction = [0.0, 0.0, 0.0, 0.0]", "correction = [0.0]")
+    assert error_of(short) == "scanner.correction: must be a list of 4 numbers, is [0.0]"
+
+
 @pytest.mark.parametrize(
     ("section", "key", "value", "told"),
     [
@@ -88,7 +94,7 @@ def test_unknown_and_missing_sections_and_what_is_no_toml_are_named() -> None:
         ("robot", "encoder_ppr", 0, "a whole number from 1 to 100000, is 0"),
         ("robot", "enable_motors", 1, "true or false, is 1"),
         ("robot", "brake_mps2", 0.0, "from 0.01 to 20, is 0.0"),
-        ("scanner", "driver", "urg", "scanner.driver: must be 'lms111' or 'urg04lx', is 'urg'"),
+        ("scanner", "driver", "lms222", "must be 'lms111' or 'urg04lx' or 'stripe', is 'lms222'"),
         ("scanner", "colour", 1, "unknown key for driver 'lms111'; allowed are driver, port,"),
         ("scanner", "mount_z_m", 0.0, "above 0 to 5, is 0.0"),
         ("scanner", "scan_rate_hz", 30, "25 or 50, is 30"),

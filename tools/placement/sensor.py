@@ -19,7 +19,8 @@ class Sensor:
     name: str
     z_m: float  # of the lens above the ground
     tilt_rad: float  # of its axis; looking down is positive
-    half_fov_rad: float
+    right_rad: float  # bearings where its field of view ends; left is positive
+    left_rad: float
     reach_m: float
     sigma_m: float = 0.0  # 1 sigma of a range, near
     sigma_share: float = 0.0  # and as a share of it, far
@@ -32,7 +33,7 @@ class Sensor:
 
     @property
     def numbers(self) -> F64:
-        """(12,), in the order of the fields after the name."""
+        """(13,), in the order of the fields after the name."""
         return np.array([getattr(self, name) for name in self.__slots__[1:]], dtype=np.float64)
 
     @property
@@ -49,7 +50,8 @@ def urg(name: str, z_m: float, tilt_deg: float) -> Sensor:
         name=name,
         z_m=z_m,
         tilt_rad=math.radians(tilt_deg),
-        half_fov_rad=math.radians(60.0),
+        right_rad=math.radians(-60.0),
+        left_rad=math.radians(60.0),
         reach_m=5.6,
         sigma_m=0.005,
         sigma_share=0.005,
@@ -62,7 +64,8 @@ def stripe(name: str, z_m: float, tilt_deg: float) -> Sensor:
         name=name,
         z_m=z_m,
         tilt_rad=math.radians(tilt_deg),
-        half_fov_rad=math.atan(320.0 / 500.0),
+        right_rad=-math.atan(320.0 / 500.0),
+        left_rad=math.atan(320.0 / 500.0),
         reach_m=2.0,
         baseline_m=0.15,
         angle_rad=math.radians(15.0),

@@ -41,10 +41,12 @@ def look(heights: F64, xs: F64, ys: F64, sensor: F64, states: I8, sigmas: F64) -
     """Fills states and sigmas [i, j] (1 sigma of the height, m) of points (xs[i], ys[j]).
 
     Args:
-        sensor: (12,) as `Sensor.numbers` has them.
+        sensor: (13,) as `Sensor.numbers` has them.
     """
-    z, tilt, half_fov, reach, sigma_m, sigma_share, sigma_rad = sensor[:7]
-    baseline, angle, focal_px, half_high_px, sigma_px = sensor[7:]
+    z, tilt, right, left = sensor[0], sensor[1], sensor[2], sensor[3]
+    reach, sigma_m, sigma_share, sigma_rad = sensor[4], sensor[5], sensor[6], sensor[7]
+    baseline, angle, focal_px = sensor[8], sensor[9], sensor[10]
+    half_high_px, sigma_px = sensor[11], sensor[12]
     plane = tilt + angle
     laser_z = z + baseline * math.cos(tilt)
     for i in range(len(xs)):
@@ -63,7 +65,7 @@ def look(heights: F64, xs: F64, ys: F64, sensor: F64, states: I8, sigmas: F64) -
             r = math.sqrt(ahead * ahead + y * y + down * down)
             depth = ahead * math.cos(tilt) + down * math.sin(tilt)
             row = ahead * math.sin(tilt) - down * math.cos(tilt)
-            if r > reach or depth <= 0 or abs(math.atan2(y, depth)) > half_fov:
+            if r > reach or depth <= 0 or not right <= math.atan2(y, depth) <= left:
                 continue
             if baseline > 0 and abs(row) * focal_px > half_high_px * depth:
                 continue

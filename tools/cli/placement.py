@@ -14,10 +14,10 @@ import numpy as np
 
 from core.config import ConfigError
 from tools.cli.options import a_seed, configured, fail, number_in, parser_of, value_of
+from tools.placement.field import flat
 from tools.placement.measure import Result, fields_of, measured, over
 from tools.placement.search import best_mount
 from tools.placement.sensor import KINDS, NAMED, Sensor
-from tools.placement.field import flat
 
 
 class MountError(Exception):
@@ -73,7 +73,7 @@ def chosen(options: argparse.Namespace) -> list[Sensor]:
 def line(found: Result) -> str:
     sensor, m, e = found.sensor, found.mean, found.within
     return (
-        f"{sensor.name:<10}{sensor.z_m:>8.2f}{math.degrees(sensor.tilt_rad):>7.1f}"
+        f"{sensor.name:<13}{sensor.z_m:>8.2f}{math.degrees(sensor.tilt_rad):>7.1f}"
         f"{100 * m[0]:>8.1f} +- {100 * e[0]:<5.2f}{m[1]:>6.2f} +- {e[1]:<6.3f}"
         f"{measured(sensor, flat())[1]:>6.2f}{sensor.look_ahead_m:>8.2f}"
         f"{1000 * m[2]:>7.2f} +- {1000 * e[2]:<5.3f}{1000 * m[3]:>6.2f} +- {1000 * e[3]:<5.3f}"
@@ -81,7 +81,7 @@ def line(found: Result) -> str:
 
 
 HEAD = (
-    f"{'mount':<10}{'height m':>8}{'tilt':>7}{'occluded %':>16}{'strip m':>14}"
+    f"{'mount':<13}{'height m':>8}{'tilt':>7}{'occluded %':>16}{'strip m':>14}"
     f"{'flat m':>8}{'ahead m':>8}{'sigma mm':>13}{'90 % mm':>15}"
 )
 
@@ -97,7 +97,9 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     add("--height", type=number_in(0.1, 5), help="of the lens above the ground, in m")
     add("--tilt", type=number_in(1, 74), help="looking down, in deg")
     add("--optimise", action="store_true", help="search height and tilt for the least occlusion")
-    add("--heights", type=number_in(0.1, 5), nargs=2, default=(0.3, 0.7), help="bounds, m (0.3 0.7)")
+    add(
+        "--heights", type=number_in(0.1, 5), nargs=2, default=(0.3, 0.7), help="bounds, m (0.3 0.7)"
+    )
     add("--tilts", type=number_in(1, 74), nargs=2, default=(10.0, 70.0), help="deg (10 70)")
     add("--width", type=number_in(0, 5), default=0.6, help="strip that must be seen, m (0.6)")
     add("--picture", type=Path, help="a PNG of what is seen of the first field")
@@ -126,7 +128,7 @@ def main(given: list[str] | None = None) -> int:
                 print(f"{kind}: {tried} mounts tried over {len(few)} fields")
                 if maybe_best is None:
                     return fail("placement", f"no mount sees {options.width:g} m", 1)
-                sensors.append(replace(maybe_best.sensor, name=f"best {kind}"[:9]))
+                sensors.append(replace(maybe_best.sensor, name=f"best {kind}"))
         print(HEAD)
         for sensor in sensors:
             print(line(over(sensor, fields)))

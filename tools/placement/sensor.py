@@ -1,4 +1,4 @@
-"""Sensors as they are mounted: three of each kind, from low and steep to high and flat."""
+"""Sensors as they are mounted: three of each kind, from high and flat (a) to low and steep (c)."""
 
 import math
 from dataclasses import dataclass
@@ -77,10 +77,10 @@ def stripe(name: str, z_m: float, tilt_deg: float) -> Sensor:
 
 KINDS = {"urg": urg, "stripe": stripe}
 NAMED = (  # our own choice
-    urg("urg a", 0.35, 20.0),
+    urg("urg a", 0.65, 20.0),
     urg("urg b", 0.50, 35.0),
-    urg("urg c", 0.65, 55.0),
-    stripe("stripe a", 0.35, 15.0),
+    urg("urg c", 0.35, 55.0),
+    stripe("stripe a", 0.55, 15.0),
     stripe("stripe b", 0.45, 30.0),
-    stripe("stripe c", 0.55, 45.0),
+    stripe("stripe c", 0.35, 45.0),
 )

@@ -15,6 +15,12 @@ STEPS = 5  # along each of height and tilt
 ROUNDS = 3  # each within one step of the best of the one before
 
 
+def near(whole: tuple[float, float], middle: float, axis: F64) -> tuple[float, float]:
+    """One step of an axis to either side, within the whole."""
+    step = float(axis[1] - axis[0])
+    return max(whole[0], middle - step), min(whole[1], middle + step)
+
+
 def best_mount(
     sensor: Sensor,
     z_m: tuple[float, float],
@@ -24,7 +30,8 @@ def best_mount(
 ) -> tuple[Result | None, int]:
     """The best, None if no mount sees the strip; and how many were tried."""
     maybe_best: Result | None = None
-    tried, bounds = 0, (z_m, tilt_deg)
+    tried = 0
+    bounds = (z_m, tilt_deg)
     for _ in range(ROUNDS):
         axes = [np.linspace(low, high, STEPS) for low, high in bounds]
         for z, tilt in product(*axes):
@@ -38,8 +45,5 @@ def best_mount(
         if maybe_best is None:
             break
         at = (maybe_best.sensor.z_m, math.degrees(maybe_best.sensor.tilt_rad))
-        bounds = tuple(
-            (max(whole[0], middle - axis[1] + axis[0]), min(whole[1], middle + axis[1] - axis[0]))
-            for whole, middle, axis in zip((z_m, tilt_deg), at, axes, strict=True)
-        )
+        bounds = (near(z_m, at[0], axes[0]), near(tilt_deg, at[1], axes[1]))
     return maybe_best, tried

@@ -99,8 +99,10 @@ def test_cells_are_those_told() -> None:
 
 def test_a_search_keeps_its_bounds_and_its_strip() -> None:
     best, tried = best_mount(NAMED[0], (0.3, 0.6), (20.0, 60.0), 0.6, fields_of(1, 3, 0.15))
-    assert tried == 75 and best is not None
-    assert 0.3 <= best.sensor.z_m <= 0.6 and best.mean[1] >= 0.6
+    assert tried == 75
+    assert best is not None
+    assert 0.3 <= best.sensor.z_m <= 0.6
+    assert best.mean[1] >= 0.6
     assert 20 <= math.degrees(best.sensor.tilt_rad) <= 60 + 1e-9
     assert best_mount(NAMED[0], (0.3, 0.6), (20.0, 60.0), 5.1, fields_of(1, 3, 0.15))[0] is None
 
@@ -124,7 +126,8 @@ def test_wrong_use_gets_one_line(
 ) -> None:
     assert main(given) == 2
     error = capsys.readouterr().err
-    assert said in error and error.count("\n") == 1
+    assert said in error
+    assert error.count("\n") == 1
 
 
 def test_a_tilt_that_looks_level_is_refused() -> None:

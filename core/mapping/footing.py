@@ -195,3 +195,14 @@ def footing_of(name: str, ground: Ground, at: I64, footing: Footing) -> F64:
         under = near_within(foot_m, cell_m, True)
         _judge_footholds(at, corner, grid.size, heights, under, cell_m, foot, found)
     return found
+
+
+def cells_within(grid: RingGrid, at: I64, reach_m: float) -> I64:
+    """Flat indices, each once, of a ring's cells that lie so near to those at (n,), or nearer."""
+    size, reach = grid.size, math.ceil(reach_m / grid.cell_m) + 1
+    if at.size * (2 * reach + 1) ** 2 >= size * size:
+        return np.arange(size * size)
+    steps = np.arange(-reach, reach + 1)
+    columns = (at % size)[:, None, None] + steps[None, None, :]
+    rows = (at // size)[:, None, None] + steps[None, :, None]
+    return np.unique(rows % size * size + columns % size)

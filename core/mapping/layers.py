@@ -5,6 +5,7 @@ never free. "state" is what was decided: whoever tells it on holds FREE back whi
 trusted. A cell may have a state and no height: missing floor is known by what did not show.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
-from core.mapping.footing import FOOTING, USUAL, Footing, Ground, footing_of
+from core.mapping.footing import FOOTING, USUAL, Footing, Ground, cells_within, footing_of
 from core.mapping.surface.cells import Cells
 from core.mapping.surface.constants import LIKELY
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
@@ -31,8 +32,10 @@ UNITS = {  # every layer there is
     "soft": "",  # 1: beams go into what stands there; 0: they do not, or nothing stands there
     "state": "",  # OBSTACLE or FREE
 }
+SURFACE = UNITS.keys() - {"state", *FOOTING}  # those that method `surface` has of its own
 ON_ASKING = ("cause", "age")  # only of some cells: a code of `causes.py`; s, at the newest scan
-RingLayer = tuple[RingGrid, npt.NDArray[Any]]  # with the values (size, size) of its cells
+Pick = Callable[[I64], F64]  # values (n,) at flat indices (n,) of a ring; NaN: not known
+RingLayer = tuple[RingGrid, Pick]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,15 +60,21 @@ def _only_inside(grid: RingGrid, i: I64, j: I64, values: npt.NDArray[Any]) -> F6
     return np.where(inside, values, np.nan)
 
 
-def at_cells(grid: RingGrid, i: I64, j: I64, ring: npt.NDArray[Any]) -> F64:
+def flat_of(grid: RingGrid, i: I64, j: I64) -> I64:
+    """Of world cells (n,), where they would lie in a ring, if inside of its window."""
+    return np.asarray(j % grid.size * grid.size + i % grid.size)
+
+
+def at_cells(grid: RingGrid, i: I64, j: I64, pick: Pick) -> F64:
     """Values (n,) of a ring's layer at world cells i, j (n,); NaN outside its window."""
-    return _only_inside(grid, i, j, ring[j % grid.size, i % grid.size])
+    return _only_inside(grid, i, j, pick(flat_of(grid, i, j)))
 
 
-def view_of(name: str, grid: RingGrid, ring: npt.NDArray[Any]) -> LayerView:
+def view_of(name: str, grid: RingGrid, pick: Pick) -> LayerView:
     """A layer (size, size) of a ring, unrolled."""
-    shift = (-(grid.corner_j % grid.size), -(grid.corner_i % grid.size))
-    values = np.roll(ring, shift, axis=(0, 1)).astype(np.float32)
+    j, i = np.indices((grid.size, grid.size)).reshape(2, -1)
+    at = flat_of(grid, i + grid.corner_i, j + grid.corner_j)
+    values = pick(at).reshape(grid.size, grid.size).astype(np.float32)
     return LayerView(name, values, grid.corner_i, grid.corner_j, grid.cell_m)
 
 
@@ -76,7 +85,9 @@ class Layered(Protocol):
 
     def maybe_ring(self, name: str) -> RingLayer | None: ...
 
-    def maybe_ground(self) -> Ground | None: ...
+    def maybe_ground_grid(self) -> RingGrid | None: ...
+
+    def ground_at(self, at: I64) -> Ground: ...
 
     def causes(self, i: I64, j: I64) -> F64: ...
 
@@ -86,24 +97,25 @@ class Layered(Protocol):
 def _maybe_ring(maps: Layered, name: str) -> RingLayer | None:
     if name != "state":
         return maps.maybe_ring(name)
-    window = maps.window
-    return window.grid, np.where(window.cells == UNKNOWN, np.nan, window.cells)
+    states = maps.window.cells.reshape(-1)
+    return maps.window.grid, lambda at: np.where(states[at] == UNKNOWN, np.nan, states[at])
 
 
-def _flat(grid: RingGrid, i: I64, j: I64) -> I64:
-    """Of world cells (n,), where they would lie in a ring."""
-    return np.asarray(j % grid.size * grid.size + i % grid.size)
+def _maybe_footing(maps: Layered, name: str, footing: Footing) -> RingLayer | None:
+    grid = maps.maybe_ground_grid()
+    if grid is None:
+        return None
+
+    def told(at: I64) -> F64:
+        ground = maps.ground_at(cells_within(grid, at, max(footing.reach_m, footing.radius_m)))
+        return footing_of(name, ground, at, footing)
+
+    return grid, told
 
 
 def maybe_layer(maps: Layered, name: str, *, footing: Footing = USUAL) -> LayerView | None:
     """A layer by its name in `UNITS`; none where the method has none."""
-    if name in FOOTING:
-        ground = maps.maybe_ground()
-        if ground is None:
-            return None
-        values = footing_of(name, ground, np.arange(ground.z_m.size), footing)
-        return view_of(name, ground.grid, values.reshape(ground.z_m.shape))
-    ring = _maybe_ring(maps, name)
+    ring = _maybe_footing(maps, name, footing) if name in FOOTING else _maybe_ring(maps, name)
     return None if ring is None else view_of(name, *ring)
 
 
@@ -111,20 +123,14 @@ def maybe_values(
     maps: Layered, name: str, i: I64, j: I64, *, footing: Footing = USUAL
 ) -> F64 | None:
     """What a layer, or one of `ON_ASKING`, holds at world cells i, j (n,); NaN: not known."""
-    if name in FOOTING:
-        ground = maps.maybe_ground()
-        if ground is None:
-            return None
-        values = footing_of(name, ground, _flat(ground.grid, i, j), footing)
-        return _only_inside(ground.grid, i, j, values)
     if name in ON_ASKING:
         return maps.causes(i, j) if name == "cause" else maps.ages_s(i, j)
-    ring = _maybe_ring(maps, name)
+    ring = _maybe_footing(maps, name, footing) if name in FOOTING else _maybe_ring(maps, name)
     return None if ring is None else at_cells(ring[0], i, j, ring[1])
 
 
 def heights_of(cells: Cells, static_rad: F64) -> F64:
-    """Of method `surface`, (size, size), map frame: what stands, else the ground; NaN: none.
+    """Of cells of method `surface`, map frame: what stands, else the ground; NaN: none.
 
     static_rad (2,): what pitch and roll are always wrong by.
     """
@@ -133,44 +139,55 @@ def heights_of(cells: Cells, static_rad: F64) -> F64:
 
 
 def _over_ground_m(cells: Cells) -> F64:
-    """Of method `surface`: how high what stands is, 0 where floor was seen, NaN elsewhere."""
+    """Of such cells: how high what stands is, 0 where floor was seen, NaN elsewhere."""
     top_m, floor = cells["top_m"], np.where(cells["looks"] > 0, 0.0, np.nan)
     return np.where((cells["stands"] > 0.0) & np.isfinite(top_m), top_m, floor)
 
 
-def surface_ground(cells: Cells, static_rad: F64, grid: RingGrid) -> Ground:
-    """What feet may stand on, of method `surface`, as `heights_of`; nothing where it is soft."""
-    z_m, is_soft = (
-        heights_of(cells, static_rad),
-        (cells["stands"] > 0.0) & (cells["soft"] >= LIKELY),
-    )
-    z_m = np.where(is_soft, np.nan, z_m)
-    return Ground(grid, z_m, z_m + np.minimum(0.0, cells["under_m"]))
+def surface_ground(cells: Cells, static_rad: F64, grid: RingGrid, at: I64) -> Ground:
+    """What feet may stand on, of method `surface`, as `heights_of`; nothing where it is soft.
+
+    Of the cells at flat indices (n,); NaN elsewhere.
+    """
+    of, z_m, low_m = cells.reshape(-1)[at], np.full(cells.size, np.nan), np.full(cells.size, np.nan)
+    z_m[at] = np.where(_is_soft(of), np.nan, heights_of(of, static_rad))
+    low_m[at] = z_m[at] + np.minimum(0.0, of["under_m"])
+    return Ground(grid, z_m.reshape(cells.shape), low_m.reshape(cells.shape))
+
+
+def _is_soft(cells: Cells) -> npt.NDArray[np.bool_]:
+    return np.asarray((cells["stands"] > 0.0) & (cells["soft"] >= LIKELY))
+
+
+def _relief_m(cells: Cells, cell_m: float) -> F64:
+    """Between the lowest and the highest in each cell: slopes, what stands, what lacks."""
+    stands_m = np.where(cells["stands"] > 0.0, np.maximum(0.0, cells["top_m"]), 0.0)
+    steep = np.abs(cells["slope_x"]) + np.abs(cells["slope_y"])
+    return np.asarray(stands_m - np.minimum(0.0, cells["under_m"]) + cell_m * steep, float)
 
 
 def maybe_surface_ring(
     name: str, cells: Cells, static_rad: F64, grid: RingGrid
 ) -> RingLayer | None:
-    """A layer of method `surface`, as `heights_of`; none: there is no such."""
-    height_m, is_seen = _over_ground_m(cells), cells["looks"] > 0
-    steep_x, steep_y = cells["slope_x"], cells["slope_y"]
-    if name == "height":
-        return grid, height_m
-    if name == "z":
-        return grid, heights_of(cells, static_rad)
-    if name == "variance":
-        return grid, np.where(np.isnan(height_m), np.nan, cells["var_m2"])
-    if name == "slope":
-        return grid, np.where(is_seen, np.arctan(np.hypot(steep_x, steep_y)), np.nan)
-    if name == "soft":
-        is_soft = (cells["stands"] > 0.0) & (cells["soft"] >= LIKELY)
-        return grid, np.where(np.isnan(height_m), np.nan, is_soft)
-    if name not in JUDGED:
-        return None
-    near, z_m = around(grid, np.arange(cells.size)), heights_of(cells, static_rad).reshape(-1)
-    stands_m = np.where(cells["stands"] > 0.0, np.maximum(0.0, cells["top_m"]), 0.0)
-    relief_m = stands_m - np.minimum(0.0, cells["under_m"])  # slopes, what stands, what lacks
-    relief_m += grid.cell_m * (np.abs(steep_x) + np.abs(steep_y))
-    z_m = np.where(near >= 0, z_m[near], np.nan)
-    judged = terrain_of(z_m, relief_m.reshape(-1), grid.cell_m)[JUDGED.index(name)]
-    return grid, np.asarray(judged.reshape(cells.shape), float)
+    """A layer of method `surface`, as `heights_of`, worked out where asked; none: no such one."""
+    cells = cells.reshape(-1)
+
+    def told(at: I64) -> F64:
+        of = cells[at]
+        if name in JUDGED and name != "slope":
+            near = around(grid, at)
+            z_m = np.where(near >= 0, heights_of(cells[np.maximum(near, 0)], static_rad), np.nan)
+            judged = terrain_of(z_m, _relief_m(of, grid.cell_m), grid.cell_m)
+            return np.asarray(judged[JUDGED.index(name)], float)
+        if name == "z":
+            return heights_of(of, static_rad)
+        if name == "slope":
+            steep = np.arctan(np.hypot(of["slope_x"], of["slope_y"]))
+            return np.where(of["looks"] > 0, steep, np.nan)
+        height_m = _over_ground_m(of)
+        if name == "height":
+            return height_m
+        value = of["var_m2"] if name == "variance" else _is_soft(of)
+        return np.where(np.isnan(height_m), np.nan, value)
+
+    return (grid, told) if name in SURFACE else None

@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
@@ -34,8 +35,11 @@ class Maps(Protocol):
         NaN: not known.
         """
 
-    def maybe_ground(self) -> Ground | None:
-        """Heights that feet may stand on; none where the method has no heights of one frame."""
+    def maybe_ground_grid(self) -> RingGrid | None:
+        """Of heights that feet may stand on; none where the method has none of one frame."""
+
+    def ground_at(self, at: I64) -> Ground:
+        """Those heights at flat indices (n,) of that grid; NaN elsewhere."""
 
     def causes(self, i: I64, j: I64) -> F64:
         """Codes (n,) of `core.mapping.causes`: why the window shows what it does at world cells."""

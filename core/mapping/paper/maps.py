@@ -16,6 +16,7 @@ from core.config import Config
 from core.grid.window import ObstacleWindow
 from core.mapping import causes
 from core.mapping.causes import AGED, BEYOND_METHOD, EARLIER_RUN, OUTSIDE, UNSEEN
+from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.layers import RingLayer, at_cells
 from core.mapping.paper.grid import centre_of, index_of, rule_of, state_of
@@ -209,10 +210,19 @@ class ReferencePlaneMaps:
 
     def maybe_ring(self, name: str) -> RingLayer | None:
         """Height above the reference; none for any other name."""
-        return (self.window.grid, self.heights_m()) if name == "height" else None
+        sources, averages_m = self._source.reshape(-1), self.plane.elevation_m.reshape(-1)
 
-    def maybe_ground(self) -> None:
+        def heights_m(at: I64) -> F64:
+            source = sources[at]
+            return np.where(source == NOWHERE, np.nan, averages_m[source])
+
+        return (self.window.grid, heights_m) if name == "height" else None
+
+    def maybe_ground_grid(self) -> None:
         """None: heights of different references can't be compared."""
+
+    def ground_at(self, at: I64) -> Ground:
+        raise NotImplementedError("there is none")
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """Nothing that is not in its layers."""
@@ -220,9 +230,7 @@ class ReferencePlaneMaps:
 
     def _cells(self, i: I64, j: I64) -> I32:
         """Flat indices (n,) in the window of world cells; -1 outside."""
-        size = self.window.grid.size
-        flat: I32 = np.arange(size**2, dtype=np.int32).reshape(size, size)
-        found = at_cells(self.window.grid, i, j, flat)
+        found = at_cells(self.window.grid, i, j, lambda at: at.astype(np.float64))
         return np.where(np.isnan(found), -1, found).astype(np.int32)
 
     def causes(self, i: I64, j: I64) -> F64:

@@ -251,16 +251,20 @@ class SurfaceMaps:
 
     def ages_s(self, i: I64, j: I64) -> F64:
         """Seconds (n,) since world cells were met, passed or stood on; NaN: never, or outside."""
-        seen_s = self.fresh.seen_s.reshape(self.cells.shape)
-        return self.fresh.ages_s(layers.at_cells(self.grid, i, j, seen_s))
+        seen_s = layers.at_cells(self.grid, i, j, lambda at: self.fresh.seen_s[at])
+        return self.fresh.ages_s(seen_s)
 
     def maybe_ring(self, name: str) -> layers.RingLayer | None:
         """A layer by its name; none where there is none."""
         return layers.maybe_surface_ring(name, self.cells, self.static_rad, self.grid)
 
-    def maybe_ground(self) -> Ground | None:
-        """What feet may stand on."""
-        return layers.surface_ground(self.cells, self.static_rad, self.grid)
+    def maybe_ground_grid(self) -> RingGrid:
+        """That of the cells."""
+        return self.grid
+
+    def ground_at(self, at: I64) -> Ground:
+        """What feet may stand on, at flat indices (n,)."""
+        return layers.surface_ground(self.cells, self.static_rad, self.grid, at)
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell, by what it counts."""

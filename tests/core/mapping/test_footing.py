@@ -36,7 +36,7 @@ def judged(name: str, heights: Heights, footing: Footing = FOOT, shift: int = 0)
     grid = RingGrid(SIZE, CELL_M)
     grid.follow(shift * CELL_M, -2 * shift * CELL_M)
     values = footing_of(name, ground_of(heights, grid), np.arange(SIZE**2), footing)
-    return view_of(name, grid, values.reshape(SIZE, SIZE)).values.T.astype(np.float64)
+    return view_of(name, grid, lambda at: values[at]).values.T.astype(np.float64)
 
 
 def flat(z_m: float = 0.0) -> Heights:
@@ -170,7 +170,7 @@ def test_of_the_surface_soft_things_are_no_ground_and_low_beams_are_its_lowest()
     for cell in (soft, box):
         cell["stands"], cell["top_m"] = 1.0, 0.25
     soft["soft"], hole["under_m"] = LIKELY, -0.125
-    ground = surface_ground(cells, np.zeros(2), grid)
+    ground = surface_ground(cells, np.zeros(2), grid, np.arange(SIZE**2))
     assert np.isnan([ground.z_m[3, 3], ground.low_m[3, 3]]).all()
     assert (ground.z_m[3, 4], ground.low_m[3, 4]) == (0.75, 0.75)
     assert (ground.z_m[3, 5], ground.low_m[3, 5]) == (0.5, 0.375)

@@ -45,7 +45,7 @@ class Ground:
         """A layer (SIZE, SIZE), a ring as the cells."""
         found = maybe_surface_ring(name, self.cells, np.zeros(2), self.grid)
         assert found is not None
-        return np.asarray(found[1])
+        return found[1](np.arange(SIZE * SIZE)).reshape(SIZE, SIZE)
 
     def judged(self) -> F64:
         """Slope by the plane through the neighbours, step and roughness: (3, SIZE, SIZE)."""

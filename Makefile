@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments pictures \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments placement sensitivity pictures \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -61,6 +61,9 @@ faults: setup ## every fault of every fake while the robot drives, and pairs of 
 
 realtime: setup ## how late ticks are, and how soon a scan is at the far end of the wire, with and without load [SECONDS=60]
 	@$(BIN)/python -m tools.rig.latency $(if $(SECONDS),--seconds $(SECONDS)) $(ARGS)
+
+# picture, target that drew it, the code that decides what it looks like
+DRAWN = $(BIN)/python -c "from tools.docs.pictures import record; record(['$(1)'], 'make $(2)', ['$(3)'])"
 
 # The drives of one file share what they look at, so a file stays in one process.
 PYTEST := $(BIN)/python -m pytest
@@ -122,6 +125,15 @@ soak: setup ## a million damaged, lost, doubled frames to both receivers of the 
 
 pictures: setup $(VENV)/.ready-view $(VENV)/.ready-test ## the documents' pictures of the live page: a simulated drive in a headless Chromium
 	@$(BIN)/python -m tools.view.pictures
+
+placement: setup ## docs/terrain.md's picture: what mounts of a downward-looking sensor see of rough ground
+	@$(BIN)/python -m mapod placement --fields 200 --picture docs/pictures/placement.png
+	@$(call DRAWN,placement.png,placement,tools/placement/*.py)
+
+sensitivity: setup ## docs/method.md's picture: each constant halved and doubled; hours, goes on where it stopped
+	@$(BIN)/python -m tools.experiments.sensitivity --only 7 --kept sensitivity.json \
+	  --picture docs/pictures/sensitivity.png
+	@$(call DRAWN,sensitivity.png,sensitivity,tools/experiments/sensitivity.py)
 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))

@@ -2,10 +2,12 @@
 
 A reply is the echo of its request, a status with its sum, lines of data with theirs, and an empty
 line, the only place where LF LF occurs. So after damage, or in the midst of a stream, the next
-reply begins behind the next LF LF. A reply of SCIP 1.1 has a status of one character and no sum.
+reply begins behind the next LF LF; where that is lost too, at the last echo with a status behind
+it. A reply of SCIP 1.1 has a status of one character and no sum.
 Source: urg04lx sheet, sections 3 and 4.
 """
 
+import contextlib
 import re
 
 import numpy as np
@@ -20,7 +22,10 @@ LINE_BYTES = 64  # of data, before their sum
 LEAST_CHARACTER, BITS = 0x30, 6
 INCOMPLETE_S = 2.5  # a reply that takes longer is none: a full scan takes 1.1 s at 19200 baud
 STATUS = re.compile(rb"[0-9A-I]{2}")
-REQUEST = re.compile(rb"([A-Z%][A-Z0-9.]*)((?:;[A-Za-z0-9 ._+@]{1,16})?)")
+COMMAND, TEXT = rb"(%?[A-Z]{2}[0-9]*|SCIP2\.0)", rb"(?:;[A-Za-z0-9 ._+@]{1,16})?"
+REQUEST = re.compile(COMMAND + TEXT)
+# An echo with its status, which may stand behind the torn line of another reply.
+BEGIN = re.compile(COMMAND + TEXT + rb"\n[0-9A-I]{2}[0-o]\n")
 
 
 class Reply(Struct, frozen=True):
@@ -117,8 +122,22 @@ def reply_in(message: bytes, arrived_s: float) -> Reply:
     return Reply(command, status.decode("ascii"), tuple(data), arrived_s, size)
 
 
+def events_in(message: bytes, arrived_s: float) -> list[Reply | BadFrame]:
+    """What a message is: a reply, or a BadFrame and the whole reply at its end, if there is one."""
+    try:
+        return [reply_in(message, arrived_s)]
+    except ScipError as error:
+        why = str(error)
+    begins = [found.start() for found in BEGIN.finditer(message + b"\n")]
+    if begins and begins[-1] > 0:
+        with contextlib.suppress(ScipError):
+            reply = reply_in(message[begins[-1] :], arrived_s)
+            return [BadFrame(why, message[: begins[-1]]), reply]
+    return [BadFrame(why, message)]
+
+
 class ScipParser:
-    """Takes a stream cut anywhere; what is no reply up to the next LF LF is one BadFrame."""
+    """Takes a stream cut anywhere; what is no reply up to the next one is one BadFrame."""
 
     def __init__(self) -> None:
         self._buffer = b""
@@ -137,12 +156,8 @@ class ScipParser:
             message, self._buffer = self._buffer[:end], self._buffer[end + len(END) :]
             self._begun_s, searched = now_s, 0
             message = message.lstrip(b"\n")
-            if not message:
-                continue
-            try:
-                events.append(reply_in(message, now_s))
-            except ScipError as error:
-                events.append(BadFrame(str(error), message))
+            if message:
+                events += events_in(message, now_s)
         if len(self._buffer) > MOST_BYTES:
             events.append(BadFrame("no end of a reply", self._buffer))
             self._buffer = b""

@@ -115,6 +115,18 @@ def test_a_damaged_byte_costs_its_own_reply_at_most_and_gives_no_other_range(
                     assert values.tolist() == [0.0, 7.0, 19.0, 20.0, 1000.0, 5600.0]
 
 
+def test_a_torn_reply_costs_none_behind_it() -> None:
+    """Its last bytes are lost, with the empty line that ends it; one sum in 64 fits by chance."""
+    scan, good = REPLIES["MD scan"], only(REPLIES["MD scan"])
+    ends = [
+        fed(reply[:kept] + scan)[-1] for reply in REPLIES.values() for kept in range(len(reply))
+    ]
+    assert ends.count(good) > 0.95 * len(ends)
+    for end in ends:
+        if isinstance(end, Reply) and end.command == good.command and len(end.data) == 18:
+            assert numbers_in(end.data, 3).tolist() == numbers_in(good.data, 3).tolist()
+
+
 @FEWER
 @given(st.lists(st.binary(max_size=300) | st.sampled_from(list(REPLIES.values()))))
 def test_no_bytes_make_the_parser_raise_or_keep_more_than_a_reply(pieces: list[bytes]) -> None:

@@ -33,6 +33,7 @@ class Conversation:
     def __init__(self, status: DeviceStatus, port: Port, baud: int | None) -> None:
         self.exchange = Exchange(status, pause_s=PAUSE_S, longest_pause_s=LONGEST_PAUSE_S)
         self.baud = self._wanted_baud = baud or 0  # that of the port now
+        self.remark = ""  # on its rate
         self._maybe_line = port if isinstance(port, SetsRate) and baud else None
 
     def line_s(self, size: int) -> float:
@@ -61,7 +62,7 @@ class Conversation:
 
     def find(self) -> Steps[None]:
         """Until it is idle and speaks SCIP 2.0, at the rate that is wanted if it can."""
-        wanted = self._wanted_baud
+        wanted, self.remark = self._wanted_baud, ""
         others = [rate for rate in RATES if rate != wanted] if self._maybe_line else []
         for rate in (wanted, *others):
             self._go_to(rate)
@@ -79,13 +80,16 @@ class Conversation:
 
     def _is_idle(self) -> Steps[bool]:
         """Ends a stream, SCIP 1.1 and the mode of time synchronisation."""
+        is_switched = False
         for _ in range(MODES + 1):
             reply = yield from self.ask("QT", FOUND_S + self.line_s(LONGEST_REPLY), tries=1)
-            if reply is None:
-                return False
-            if reply.status == says.OK:
+            if reply is None:  # that SCIP 1.1 refuses what it does not know is said once only
+                if is_switched or (yield from self.ask("SCIP2.0", FOUND_S, tries=1)) is None:
+                    return False
+                is_switched = True
+            elif reply.status == says.OK:
                 return True
-            if reply.status == says.SCIP1_REFUSES:
+            elif reply.status == says.SCIP1_REFUSES:
                 yield from self.ask("SCIP2.0")
             elif reply.status in says.UNKNOWN:
                 yield from self.ask("TM2")
@@ -95,9 +99,14 @@ class Conversation:
 
     def _change_rate(self) -> Steps[None]:
         """From the rate at which it was found, if it knows the wanted one."""
-        wanted = self._wanted_baud
+        found, wanted = self.baud, self._wanted_baud
         reply = yield from self.ask(f"SS{wanted:06}", tries=1)
-        if reply is not None and reply.status in (says.OK, "03", "04"):
+        if reply is not None and reply.status in (says.OK, *says.RATE_KEPT):
             self._go_to(wanted)
             yield from self.exchange.pause(RATE_S)
-            yield from self.must("QT")
+            if (yield from self.ask("QT")) is not None:
+                return
+            if reply.status == says.OK:
+                raise StartAgainError(f"the scanner does not answer at {wanted} baud")
+            self._go_to(found)
+        self.remark = f"the scanner does not take {wanted} baud, and is left at {found}"

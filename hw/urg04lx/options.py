@@ -4,6 +4,7 @@ Angles are bearings: 0 deg is straight ahead, growing counter-clockwise.
 Source: urg04lx sheet, sections 1 and 5.
 """
 
+import math
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ from msgspec import Meta, Struct
 from core.records import F64, ScannerSpec
 
 Model = Literal["URG-04LX", "URG-04LX-UG01", "UTM-30LX", "UST-10LX"]
+CHECKED, MOST_CORRECTED_M = 101, 1.0  # ranges at which a correction is checked; what none exceeds
 Bearing = Annotated[float, Meta(ge=-135, le=135)]
 MODELS: dict[str, tuple[int, float, float, float, float, float]] = {
     # steps of a turn, their bearing to either side, turns a second, longest range,
@@ -47,9 +49,17 @@ class Urg04lxOptions(Struct, frozen=True):
                 f"correction_m: must be two ranges in m, 0 <= from < to <= 100, "
                 f"is {self.correction_m}"
             )
-        if not np.abs(self.corrected_m(np.array(self.correction_m)) - self.correction_m).max() < 1:
+        nearest_m, farthest_m = self.correction_m
+        read_m = np.linspace(nearest_m, farthest_m, CHECKED)
+        true_m = read_m + self._added_m(read_m)
+        if not (np.abs(true_m - read_m) < MOST_CORRECTED_M).all():
             raise ValueError(
-                f"correction: must move no range of correction_m by 1 m or more, "
+                f"correction: must move no range of correction_m by {MOST_CORRECTED_M:g} m or "
+                f"more, is {self.correction}"
+            )
+        if not (np.diff(true_m) >= 0.0).all():
+            raise ValueError(
+                f"correction: must leave what is farther farther within correction_m, "
                 f"is {self.correction}"
             )
 
@@ -79,13 +89,21 @@ class Urg04lxOptions(Struct, frozen=True):
         )
 
     def corrected_m(self, ranges_m: F64) -> F64:
-        """Ranges (n,) with the polynomial added; beyond its interval, as at the nearer end."""
-        a, b, c, d = self.correction
+        """Ranges (n,) with the polynomial added; beyond its interval, as at the nearer end.
+
+        NaN where nothing above 0 is left.
+        """
         if not any(self.correction):
             return ranges_m
+        corrected_m = ranges_m + self._added_m(ranges_m)
+        corrected_m[corrected_m <= 0.0] = math.nan
+        return np.asarray(corrected_m)
+
+    def _added_m(self, ranges_m: F64) -> F64:
+        a, b, c, d = self.correction
         nearest_m, farthest_m = self.correction_m
         r = np.minimum(np.maximum(ranges_m, nearest_m), farthest_m)
-        return np.asarray(ranges_m + (a + r * (b + r * (c + r * d))))
+        return np.asarray(a + r * (b + r * (c + r * d)))
 
     def describe(self) -> str:
         beams = round((self.to_deg - self.from_deg) / self.step_deg) + 1

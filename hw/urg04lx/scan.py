@@ -16,7 +16,8 @@ from hw.device import BadFrame
 from hw.exchange import StartAgainError
 from hw.urg04lx.options import Urg04lxOptions
 from hw.urg04lx.scip import Reply, ScipError, number_in, numbers_in
-from hw.urg04lx.sensor import KINDS, LEAST_RANGE_MM, MOST_TWO_CHARACTERS, Sensor
+from hw.urg04lx.sensor import LEAST_RANGE_MM, MOST_TWO_CHARACTERS, Sensor
+from hw.urg04lx.sight import Sight
 
 TICK_S, WRAP_TICKS = 1e-3, 1 << 24
 LEARNT_SCANS, LONGEST_HELD_S = 20, 1.5  # how long a scan takes to us: by the first of them
@@ -33,16 +34,20 @@ class Window(Struct, frozen=True):
 
     @classmethod
     def of(cls, sensor: Sensor, options: Urg04lxOptions) -> "Window":
-        """The used field of view, as far as the sensor has it."""
+        """The used field of view, as far as the sensor has it, in whole clusters.
+
+        Of a part of one it is not documented whether it is sent.
+        """
         deg_a_step = math.degrees(sensor.step_rad)
         first = sensor.front_step + math.ceil(options.from_deg / deg_a_step - 1e-6)
         last = sensor.front_step + math.floor(options.to_deg / deg_a_step + 1e-6)
-        cluster = options.cluster
-        return cls(sensor, max(first, sensor.first_step), min(last, sensor.last_step), cluster)
+        first, last = max(first, sensor.first_step), min(last, sensor.last_step)
+        last -= (last - first + 1) % options.cluster
+        return cls(sensor, first, last, options.cluster)
 
     @property
     def beams(self) -> int:
-        return -(-(self.last - self.first + 1) // self.cluster)
+        return (self.last - self.first + 1) // self.cluster
 
     @property
     def text(self) -> str:
@@ -59,12 +64,11 @@ class ScanMaker:
     """One scanner's replies to scans. Its clock lives on from connection to connection."""
 
     def __init__(self, options: Urg04lxOptions) -> None:
-        self.clock = DeviceClock(TICK_S, WRAP_TICKS)
+        self.clock, self.sight = DeviceClock(TICK_S, WRAP_TICKS), Sight()
         self._options, self._counter = options, 0
         self._last_ticks: int | None = None
         self._sync: tuple[int, float] | None = None  # a stamp, and the instant of its sending
         self._held_s, self._learnt, self._way = 0.0, 0, ""
-        self._raw: F64 = np.zeros(0)  # of the newest scan
 
     def begin(self, way: str) -> bool:
         """A new stream, maybe of a device that has restarted; whether its time is to be learnt.
@@ -128,10 +132,10 @@ class ScanMaker:
         )
         return scan, missed
 
-    def invalid(self) -> dict[str, int]:
-        """How many beams of the newest scan have no range, by what their codes mean."""
-        counts = {kind: int(np.isin(self._raw, codes).sum()) for kind, codes in KINDS.items()}
-        return {kind: count for kind, count in counts.items() if count}
+    @property
+    def knows_delay(self) -> bool:
+        """How long a scan takes from its last beam to us; else their times are late by that."""
+        return self._learnt > 0 or not self._options.stream
 
     def _learn(self, ticks: int, latest_s: float) -> None:
         """How long a scan takes to us at least; latest_s: its begin, if that were no time."""
@@ -149,8 +153,10 @@ class ScanMaker:
         most_mm = float(sensor.most_mm)
         if self._options.characters == 2:
             most_mm = min(most_mm, MOST_TWO_CHARACTERS - 1)
-        self._raw, ranges_m = raw, raw / 1000.0
-        ranges_m[(raw < max(LEAST_RANGE_MM, sensor.least_mm)) | (raw > most_mm)] = math.nan
+        least_mm = float(max(LEAST_RANGE_MM, sensor.least_mm))
+        ranges_m, has_none = raw / 1000.0, (raw < least_mm) | (raw > most_mm)
+        ranges_m[has_none] = math.nan
+        self.sight.look(raw, least_mm, most_mm, raw.size - int(np.count_nonzero(has_none)))
         return self._options.corrected_m(ranges_m)
 
 

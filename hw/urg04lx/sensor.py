@@ -13,8 +13,10 @@ from hw.urg04lx.scip import Reply
 
 OK, DATA, LASER_OFF, SUSPENDED, RESUMED = "00", "99", "10", range(21, 50), "98"
 UNKNOWN = ("0D", "0E")  # commands, as in the mode of time synchronisation
+RATE_KEPT = ("03", "04")  # it has that rate, or none: by USB
 SCIP1_REFUSES, SCIP1_OK = "E", "0"
 LEAST_RANGE_MM = 20  # smaller values say why there is no range
+MOST_STEPS = 10_000  # as many as four digits of a request can name
 MOST_TWO_CHARACTERS = 4095  # as far as two characters reach: so far, or farther
 TROUBLES = {
     "01": "the first step is no number",
@@ -34,12 +36,6 @@ TROUBLES = {
     "0H": "the text of the request has wrong letters",
     "0I": "it waits for new firmware",
     LASER_OFF: "its laser is off",
-}
-KINDS = {  # of error codes, by what they mean for who looks
-    "beyond its range": (0,),
-    "too little light": (1, 2),
-    "neighbours disagree": (7, 8),
-    "too much light": (18,),
 }
 
 
@@ -103,7 +99,7 @@ def maybe_sensor(reply: Reply) -> Sensor | None:
         return None
     found = Sensor(texts.get("MODL", ""), **{name: int(text) for name, text in numbers.items()})
     is_turn = found.steps > 0 and found.turns_per_min > 0
-    is_part = 0 <= found.first_step <= found.last_step < 2 * found.steps
+    is_part = 0 <= found.first_step <= found.last_step < min(2 * found.steps, MOST_STEPS)
     is_range = 0 < found.least_mm < found.most_mm
     is_ahead = found.first_step <= found.front_step <= found.last_step
     return found if is_turn and is_part and is_range and is_ahead else None

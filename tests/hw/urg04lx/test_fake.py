@@ -117,6 +117,18 @@ def test_ranges_lie_at_their_bearings_and_instants(
     assert "URG" in bench.urg.identity or "UTM" in bench.urg.identity
 
 
+@pytest.mark.parametrize(("baud", "least"), [(19_200, 7), (115_200, 40)])
+def test_single_scans_are_as_many_as_a_slow_line_carries_and_true(baud: int, least: int) -> None:
+    bench = Bench(baud=baud, stream=False)
+    bench.fake.noise, bench.fake.mixed = 0.0, False
+    bench.run(FOUND_S)
+    scans = bench.run(10.0)
+    assert len(scans) >= least
+    assert "do not come" in bench.urg.status.cause
+    off = [float(np.nanmedian(off_m(scan))) for scan in scans]
+    assert abs(float(np.median(off))) < 0.005
+
+
 def test_it_is_found_at_another_rate_and_brought_to_the_wanted_one() -> None:
     bench = Bench(baud=500_000)
     assert bench.fake.baud == 19_200

@@ -53,10 +53,11 @@ def test_all_steps_lie_where_the_sheet_has_them() -> None:
     assert options.spec.max_beams >= 682
 
 
-@pytest.mark.parametrize(("cluster", "beams"), [(2, 171), (3, 114), (7, 49)])
-def test_a_cluster_lies_in_the_middle_of_its_steps(cluster: int, beams: int) -> None:
+@pytest.mark.parametrize(("cluster", "beams"), [(2, 170), (3, 113), (7, 48)])
+def test_clusters_are_whole_and_lie_in_the_middle_of_their_steps(cluster: int, beams: int) -> None:
     options = options_of(from_deg=-60.0, to_deg=60.0, cluster=cluster)
     window = Window.of(SENSOR, options)
+    assert window.last - window.first + 1 == beams * cluster
     assert window.beams == beams <= options.spec.max_beams
     scan = scan_of(ScanMaker(options), window, reply_of([500] * beams, 0, 50.0))
     first_rad = (window.first - 384 + (cluster - 1) / 2) * STEP_RAD
@@ -64,14 +65,36 @@ def test_a_cluster_lies_in_the_middle_of_its_steps(cluster: int, beams: int) -> 
 
 
 def test_codes_and_what_is_too_far_are_no_ranges_and_are_counted_by_kind() -> None:
-    options = options_of(from_deg=0.0, to_deg=3.2)
+    options = options_of(from_deg=0.0, to_deg=8.2)
     window, maker = Window.of(SENSOR, options), ScanMaker(options)
-    values = [0, 1, 2, 7, 8, 18, 19, 20, 5600, 5601]
+    values = [*range(21), 5599, 5600, 5601]
     scan = scan_of(maker, window, reply_of(values, 0, 50.0))
-    assert np.isnan(scan.ranges_m[0]).tolist() == [True] * 7 + [False, False, True]
-    assert maker.invalid() == {
-        "beyond its range": 1, "too little light": 2, "neighbours disagree": 2, "too much light": 1,
+    assert np.isnan(scan.ranges_m[0]).tolist() == [True] * 20 + [False] * 3 + [True]
+    assert maker.sight.invalid() == {
+        "beyond its range": 2, "too little light": 2, "neighbours disagree": 2,
+        "not the same twice": 1, "too much light": 1, "not measurable": 1, "for other reasons": 12,
     }  # fmt: skip
+    assert sum(maker.sight.invalid().values()) == np.isnan(scan.ranges_m).sum()
+
+
+@pytest.mark.parametrize(
+    ("code", "is_doubted"), [(0, False), (5601, False), (1000, False), (1, True), (18, True)]
+)
+def test_who_sees_nothing_but_codes_is_doubted_and_who_looks_into_the_open_is_not(
+    code: int, is_doubted: bool
+) -> None:
+    options = options_of()
+    window, maker = Window.of(SENSOR, options), ScanMaker(options)
+    for k in range(50):
+        scan_of(maker, window, reply_of([1000] * 682, 100 * k, 50.0 + 0.1 * k))
+    for k in range(50, 100):
+        scan_of(maker, window, reply_of([code] * 682, 100 * k, 50.0 + 0.1 * k))
+    assert bool(maker.sight.doubt) == is_doubted
+    if is_doubted:
+        assert max(maker.sight.invalid()) in maker.sight.doubt
+    scans = [reply_of([1000] * 682, 100 * k, 50.0 + 0.1 * k) for k in range(100, 102)]
+    assert all(isinstance(maker.scan(reply, window), tuple) for reply in scans)
+    assert maker.sight.doubt == ""
 
 
 def test_as_far_as_two_characters_reach_is_no_range() -> None:
@@ -92,6 +115,25 @@ def test_the_correction_holds_in_its_interval_and_goes_on_as_at_its_ends() -> No
 
     expected = r + np.array([added(0.5), added(0.5), added(1.0), added(3.0), added(3.0)])
     np.testing.assert_allclose(options.corrected_m(r), expected)
+
+
+def test_a_correction_leaves_no_range_at_or_behind_the_lens() -> None:
+    options = options_of(correction=[-0.05, 0.0, 0.0, 0.0], correction_m=[0.1, 3.0])
+    corrected_m = options.corrected_m(np.array([0.02, 0.05, 0.06, 1.0, math.nan]))
+    np.testing.assert_allclose(corrected_m, [math.nan, math.nan, 0.01, 0.95, math.nan])
+
+
+@pytest.mark.parametrize(
+    ("correction", "why"),
+    [
+        ([1.0, 0.0, 0.0, 0.0], "1 m or more"),
+        ([0.0, -1.8, 1.2, -0.2], "farther"),  # good at both ends, not between them
+        ([math.nan, 0.0, 0.0, 0.0], "1 m or more"),
+    ],
+)
+def test_a_correction_that_no_scanner_needs_is_refused(correction: list[float], why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        options_of(correction=correction, correction_m=[0.0, 3.0])
 
 
 @pytest.mark.parametrize(
@@ -118,6 +160,20 @@ def test_scans_that_never_came_are_counted_and_a_repeated_one_is_none() -> None:
         assert not isinstance(found, BadFrame)
         told.append(found and found[1])
     assert told == [0, 0, 0, 2, None]
+
+
+def test_time_goes_on_over_the_wrap_of_its_24_bits_and_knows_a_restart() -> None:
+    options = options_of()
+    window, maker = Window.of(SENSOR, options), ScanMaker(options)
+    begun_s = []
+    for k in range(100):
+        ticks = WRAP_TICKS - 5_000 + 100 * k
+        begun_s.append(scan_of(maker, window, reply_of([1000] * 682, ticks, 50.0 + 0.1 * k)).t_s)
+    np.testing.assert_allclose(np.diff(begun_s), 0.1, atol=1e-6)
+    assert maker.clock.restarts == 0
+    scan_of(maker, window, reply_of([1000] * 682, 1_000_000, 60.0))
+    assert maker.clock.restarts == 1
+    assert not maker.clock.locked
 
 
 def test_a_beam_has_its_own_instant_whatever_the_device_keeps_scans_for() -> None:

@@ -21,7 +21,7 @@ MOST_BYTES = 8192  # of a reply: a scan of 1440 points with intensities is less
 LINE_BYTES = 64  # of data, before their sum
 LEAST_CHARACTER, BITS = 0x30, 6
 INCOMPLETE_S = 2.5  # a reply that takes longer is none: a full scan takes 1.1 s at 19200 baud
-STATUS = re.compile(rb"[0-9A-I]{2}")
+STATUS, STATUS1 = re.compile(rb"[0-9A-I]{2}"), re.compile(rb"[0-9A-Z]")  # of SCIP 2.0; of 1.1
 COMMAND, TEXT = rb"(%?[A-Z]{2}[0-9]*|SCIP2\.0)", rb"(?:;[A-Za-z0-9 ._+@]{1,16})?"
 REQUEST = re.compile(COMMAND + TEXT)
 # An echo with its status, which may stand behind the torn line of another reply.
@@ -114,8 +114,8 @@ def reply_in(message: bytes, arrived_s: float) -> Reply:
     if found is None or not lines:
         raise ScipError("no reply")
     command, size = found[1].decode("ascii"), len(message) + len(END)
-    if len(lines) == 1 and len(lines[0]) == 1:
-        return Reply(command, lines[0].decode("latin-1"), (), arrived_s, size)
+    if len(lines) == 1 and STATUS1.fullmatch(lines[0]):
+        return Reply(command, lines[0].decode("ascii"), (), arrived_s, size)
     status, *data = map(_checked_line, lines)
     if STATUS.fullmatch(status) is None:
         raise ScipError("no status")

@@ -76,6 +76,12 @@ def test_numbers_have_two_three_or_four_characters() -> None:
         number_in(b"p")
 
 
+@pytest.mark.parametrize("status", [b"\xb2", b"e", b" "])
+def test_a_status_of_one_character_is_a_digit_or_a_capital(status: bytes) -> None:
+    (bad,) = fed(b"QT\n" + status + b"\n\n")
+    assert isinstance(bad, BadFrame)
+
+
 @pytest.mark.parametrize("end", [b"", b";"])
 def test_a_sum_counts_the_semicolon_or_not(end: bytes) -> None:
     text = b"SERI:H0614967"

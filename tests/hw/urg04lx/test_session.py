@@ -153,6 +153,40 @@ def test_whatever_bytes_come_between_no_scan_is_false(junk: list[bytes]) -> None
     assert bench.state == "running"
 
 
+REQUESTS = ["QT", "SCIP2.0", "PP", "VV", "TM0", "TM1", "TM2", f"SS{BAUD}", MD]
+LINES = st.binary(max_size=70) | st.from_regex(
+    r"(DMIN|DMAX|ARES|AMIN|SCAN):[0-9]{1,5};", fullmatch=True
+).map(str.encode)
+SAID = st.one_of(
+    st.binary(max_size=60),
+    st.builds(
+        lambda command, status, lines: reply(command, status, *lines),
+        st.sampled_from(REQUESTS),
+        st.text("0123456789ABEI", min_size=1, max_size=2),
+        st.lists(LINES, max_size=9),
+    ),
+    st.builds(
+        lambda command, status: command.encode() + b"\n" + status + b"\n\n",
+        st.sampled_from(REQUESTS),
+        st.sampled_from([b"0", b"E", b"5", b"z", b"\xb2", b"\xff"]),  # b2: a digit, and no number
+    ),
+)
+
+
+@settings(max_examples=examples(40))
+@given(st.lists(st.tuples(SAID, st.sampled_from([0.005, 0.1, 0.6])), max_size=30), st.booleans())
+def test_whatever_is_said_when_nothing_is_raised(
+    said: list[tuple[bytes, float]], is_started: bool
+) -> None:
+    bench = Bench().started() if is_started else Bench()
+    bench.script.answers.clear()
+    for data, seconds in said:
+        bench.port.give(data)
+        for scan in bench.run(seconds):
+            assert np.isfinite(scan.t_s)
+            assert not (scan.ranges_m <= 0.0).any()
+
+
 @pytest.mark.parametrize(
     ("status", "words"), [("10", "laser is off"), ("63", "hardware"), ("0I", "new firmware")]
 )

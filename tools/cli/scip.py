@@ -51,7 +51,7 @@ def greet(talk: Conversation) -> None:
     talk.say(b"\n")  # ends what others have begun to say
     for _ in talk.hear(QUIET_S):
         pass
-    reply = ask(talk, "VV", tries=1)
+    reply = ask(talk, "PP", tries=1)  # of VV some damage a line
     if reply.status == SCIP1_REFUSES:
         ask(talk, "SCIP2.0")
     elif reply.status in UNKNOWN:

@@ -78,3 +78,12 @@ def test_a_hokuyo_scanner_tells_who_it_is_and_does_what_it_is_told(line_said: Sa
     assert "refuses BM" in line_said(fake, "start", status=1)
     fake.mute = True
     assert "no answer" in line_said(fake, "info", status=1)
+
+
+def test_a_hokuyo_scanner_that_damages_its_number_still_tells_the_rest(line_said: Said) -> None:
+    fake = FakeUrg04lx(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 2.0), 1)
+    fake.splits_serial = True
+    line_said(fake, "info")  # from now on it speaks SCIP 2.0
+    told = line_said(fake, "info")
+    assert "VV not told" in told
+    assert "to 5600 mm" in told

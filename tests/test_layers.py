@@ -170,28 +170,24 @@ def test_a_devices_room_imports_no_other_devices() -> None:
     ] == []
 
 
-def test_nobody_outside_its_rooms_knows_what_is_particular_to_an_lms1xx() -> None:
-    found = [
+def outside(room: str, pattern: re.Pattern[str]) -> list[str]:
+    """Lines of core, hw and the app that have it, outside of a device's room."""
+    return [
         f"{module.name}:{number}: {line.strip()}"
         for module in modules().values()
         if within(module.name, "core", "hw", *TOP)
-        and not within(module.name, "hw.lms1xx", *BY_THEIR_NAMES)
+        and not within(module.name, room, *BY_THEIR_NAMES)
         for number, line in enumerate(module.text.splitlines(), 1)
-        if OF_AN_LMS.search(line.lower())
+        if pattern.search(line.lower())
     ]
-    assert found == []
+
+
+def test_nobody_outside_its_rooms_knows_what_is_particular_to_an_lms1xx() -> None:
+    assert outside("hw.lms1xx", OF_AN_LMS) == []
 
 
 def test_nobody_outside_its_room_knows_of_an_urg04lx() -> None:
-    found = [
-        f"{module.name}:{number}: {line.strip()}"
-        for module in modules().values()
-        if within(module.name, "core", "hw", *TOP)
-        and not within(module.name, "hw.urg04lx", *BY_THEIR_NAMES)
-        for number, line in enumerate(module.text.splitlines(), 1)
-        if OF_AN_URG.search(line.lower())
-    ]
-    assert found == []
+    assert outside("hw.urg04lx", OF_AN_URG) == []
 
 
 def test_an_extra_is_loaded_by_who_needs_it_and_no_other() -> None:

@@ -22,6 +22,7 @@ from hw.fingerprint import NAMES, maybe_protocol
 from hw.lms1xx.telegrams import new_parser
 from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame
 from hw.ports.url import PortUrlError, parse_url
+from hw.urg04lx.conversation import RATES
 from hw.urg04lx.scip import ScipParser
 from tools.cli import scanner, scip
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
@@ -30,9 +31,8 @@ from tools.terminal.progress import advancing
 
 LIST_PORTS: Any = comports  # pyserial has no types
 AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
-MTI_URL = "serial://{path}?baud={baud}"
+LINE_URL = "serial://{path}?baud={baud}"
 SCANNER_PORTS = ("2112", "2111", scip.PORT)
-SCIP_BAUDS = (115_200, 19_200, 57_600, 250_000, 500_000, 750_000)
 MTI_BAUDS = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
 HOKUYO = "urg04lx"
 LISTEN_LINE_S = 0.6  # a logging line takes 0.23 s
@@ -110,7 +110,7 @@ def _controller_in_words(texts: list[str], query: str) -> str:
 
 def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
     for baud in MTI_BAUDS:
-        url = MTI_URL.format(path=path, baud=baud)
+        url = LINE_URL.format(path=path, baud=baud)
         with conversation(url, MtParser(baud)) as talk:
             streams = any(isinstance(event, MtFrame) for event in talk.hear(LISTEN_DATA_S))
             asked = _maybe_answer(talk, Mid.GoToConfig, tries=2) is not None
@@ -127,8 +127,8 @@ def _maybe_attitude_sensor(path: str, heard: bytearray) -> Found | None:
 
 def _maybe_scanner(path: str, heard: bytearray) -> Found | None:
     """A Hokuyo scanner; by USB it answers at any rate."""
-    for baud in SCIP_BAUDS:
-        url = MTI_URL.format(path=path, baud=baud)
+    for baud in RATES:
+        url = LINE_URL.format(path=path, baud=baud)
         with conversation(url, ScipParser()) as talk:
             try:
                 scip.greet(talk)
@@ -201,7 +201,7 @@ def udev_rules(found: list[Found], adapters: Mapping[str, Any]) -> Iterator[str]
     names = {"drive": "ax3500", "ahrs": "mti", "scanner": "urg"}
     for one in found:
         name, adapter = names.get(one.section), adapters.get(one.place)
-        if name is None:
+        if name is None or not one.url.startswith("serial:"):
             continue
         if adapter is not None and adapter.serial_number:
             known_by = (
@@ -239,7 +239,7 @@ def main(arguments: list[str] | None = None) -> int:
     paths = paths_of(options.paths, adapters)
     try:
         for path in paths:
-            parse_url(MTI_URL.format(path=path, baud=MTI_BAUDS[0]))
+            parse_url(LINE_URL.format(path=path, baud=MTI_BAUDS[0]))
         for host in options.scanner:
             parse_url(f"tcp://{host}" if ":" in host else f"tcp://{host}:{SCANNER_PORTS[0]}")
     except PortUrlError as error:

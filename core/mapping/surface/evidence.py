@@ -222,7 +222,7 @@ def _goes_on(at: int, one: Record, ray: F64, surface: Surface) -> bool:
     Not so near the seam of both that a face there has its returns on both sides of it.
     """
     level, doubt = level_of(ray), GATE * math.sqrt(one.noise_m2)
-    sigma = sigma_of(one.ahead_m, surface.limits)
+    sigma = sigma_of(math.hypot(one.ahead_m, one.aside_m), surface.limits)
     dx, dy, seam = ray[0] / level, ray[1] / level, math.sqrt(2.0) * GATE * sigma
     if cell_at(one.x_m - seam * dx, one.y_m - seam * dy, surface.ring) != at:
         return False

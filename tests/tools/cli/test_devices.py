@@ -91,6 +91,7 @@ def test_rules_know_a_device_by_its_serial_number_or_else_by_its_socket() -> Non
         Found("/dev/ttyUSB0", "ahrs", "serial:///dev/ttyUSB0?baud=115200", ""),
         Found("/dev/ttyUSB1", "drive", "serial:///dev/ttyUSB1?baud=9600&parity=E&bytesize=7", ""),
         Found("/dev/ttyUSB2", "", "", "silent"),
+        Found("192.0.2.1", "scanner", "tcp://192.0.2.1:2112", ""),  # has a name of its own
     ]
     one, two = udev_rules(found, {"/dev/ttyUSB0": by_number, "/dev/ttyUSB1": by_place})
     assert 'ATTRS{serial}=="A10X"' in one

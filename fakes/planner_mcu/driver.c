@@ -65,6 +65,7 @@ void driver_goal(struct driver *driver, int32_t x_mm, int32_t y_mm)
     driver->crossed_back = false;
     driver->looks = 0u;
     driver->viewed_count = 0u;
+    driver->farther_mm = 0;
     recovery_begin(driver, RECOVERY_NONE);
 }
 

@@ -99,6 +99,7 @@ struct driver {
     uint32_t view_backs;  /* times that the robot had to go back as it drove there */
     struct point viewed[DRIVER_VIEWED]; /* from there it has looked at `looked_at` before */
     uint32_t viewed_count;
+    int32_t farther_mm;   /* to look from, for the line has passed ground that did not show */
     uint32_t hidden;      /* times that no point showed ground on the path to this goal */
     int32_t turned;       /* binary angle of a look around, not wrapped */
     int32_t back_mm;      /* left to go back */

@@ -221,6 +221,7 @@ static struct motion pass(struct driver *driver, const struct limits *limits)
     }
     driver->stuck = (motion.v_mmps == 0) ? (driver->stuck + 1u) : 0u;
     if ((farthest.away_mm <= PASSED_MM) || (driver->stuck > STUCK_PASS)) {
+        views_end(driver);
         recovery_begin(driver, RECOVERY_NONE);
     }
     return motion;

@@ -17,6 +17,8 @@
 #define ASIDE_MM 400    /* and so far to either side */
 #define BEYOND_MM 600   /* and beyond the path's end, at the goal */
 #define SAME_MM 1200    /* a point so near to one that did not help does not help either */
+#define FARTHER_MM 1600 /* farther off, each time that ground did not show, */
+#define FARTHEST_MM 3200 /* up to where a line lies that meets a rise of 2 degrees less steeply */
 #define MISSING_MM 20000 /* of path: a point that shows nothing is worse by that */
 
 bool views_are_in_sight(const struct driver *driver, struct point from, struct point to)
@@ -105,7 +107,8 @@ static uint32_t cost_of(const struct driver *driver, struct point point, uint32_
                           driver->aim_count;
     uint32_t cost, k;
     uint32_t in_sight = 0u;
-    if ((away_mm < LEAST_MM) || (away_mm > MOST_MM)) {
+    if ((away_mm < (LEAST_MM + driver->farther_mm)) ||
+        (away_mm > (MOST_MM + driver->farther_mm))) {
         return FIELD_NO_PATH;
     }
     cost = field_cost(&driver->field, point);
@@ -154,6 +157,23 @@ bool views_search(struct driver *driver)
         driver->viewed_count++;
     }
     return true;
+}
+
+/* The line has passed what was to be seen. Where that did not show, the line lay beyond it from the
+ * beginning, as it does on the way up to a crest: the next view is from farther off. Where that
+ * shows nothing either, it is looked at less often.
+ */
+void views_end(struct driver *driver)
+{
+    const int32_t from_mm = driver->farther_mm;
+    uint32_t k;
+    driver->farther_mm = 0;
+    for (k = 0u; k < driver->aim_count; k++) {
+        if (ground_at_point(&driver->ground, driver->aims[k]) == MAPOD_UNKNOWN) {
+            driver->farther_mm = least(from_mm + FARTHER_MM, FARTHEST_MM);
+        }
+    }
+    driver->looks += ((from_mm > 0) && (driver->farther_mm > 0)) ? 1u : 0u;
 }
 
 struct sighting views_farthest(const struct driver *driver)

@@ -138,7 +138,7 @@ sensitivity: setup ## docs/method.md's picture: each constant halved and doubled
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))
 
-fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the three codecs, then of the C header [MINUTES=10 each]
+fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the codecs, then of the C header [MINUTES=10 each]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 

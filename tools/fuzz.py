@@ -1,4 +1,4 @@
-"""Coverage-guided fuzzing of the three devices: `make fuzz`, or `python -m tools.fuzz --codec mti`.
+"""Coverage-guided fuzzing of the devices: `make fuzz`, or `python -m tools.fuzz --codec mti`.
 
 An input is a little program of what a device does: bytes as they are, payloads that get a right
 frame around them (so that no checksum keeps the fuzzer out), and time that passes. It runs against
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
-CODECS = ("lms111", "mti", "ax3500")
+CODECS = ("lms111", "mti", "ax3500", "urg04lx")
 RAW, FRAMED, TIME, CUT = range(4)  # what an instruction does, by the low 2 bits of its first byte
 STEP_S = 0.005
 MOST_STEPS = 400  # of one input
@@ -29,9 +29,13 @@ MOST_INPUT = 8192
 
 
 def frame_of(codec: str, payload: bytes) -> bytes:
-    """A right frame around a payload: CoLa by its first bit, MT with its id in front, a line."""
+    """A right frame around a payload: CoLa by its first bit, MT with its id in front, a line.
+
+    Of SCIP, its lines with their sums: an echo, which has none, a status and data.
+    """
     from fakes.lms1xx import cola
     from fakes.mti import frames as mt
+    from fakes.urg04lx import scip
 
     match codec:
         case "lms111" if payload[:1] >= b"\x80":
@@ -40,44 +44,53 @@ def frame_of(codec: str, payload: bytes) -> bytes:
             return cola.frame(payload)
         case "mti":
             return mt.frame(payload[0] if payload else 0x32, payload[1:2049])
+        case "urg04lx":
+            echo, *lines = payload.split(b"\n")
+            return b"\n".join([echo, *(line + scip.check_sum(line) for line in lines)]) + b"\n\n"
         case _:
             return payload.translate(None, b"\r") + b"\r"
 
 
 @cache
-def sections() -> tuple[Any, Any, Any]:
+def sections() -> dict[str, Any]:
+    """Each device's own settings, by its driver."""
     from msgspec.structs import replace
 
     from config_file import load_config
 
-    config = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+    config, hokuyo = (
+        load_config((ROOT / name).read_text(encoding="utf-8"))
+        for name in ("mapod.toml", "robots/urg04lx.toml")
+    )
     scanner: Any = config.scanner.options
-    return replace(scanner, echo="both"), config.ahrs.options, config.drive.options
+    return {
+        "lms111": replace(scanner, echo="both"),
+        "urg04lx": hokuyo.scanner.options,
+        "mti": config.ahrs.options,
+        "ax3500": config.drive.options,
+    }
 
 
 def new_device(codec: str, port: Any) -> Any:
     from hw.registry import ATTITUDE_SENSORS, DRIVES, SCANNERS, Surroundings
 
-    scanner, ahrs, drive = sections()
     around = Surroundings("tcp://fuzzer:1", max_counts_per_s=3000.0, enable_motors=True)
-    match codec:
-        case "lms111":
-            return SCANNERS[codec].make(port, scanner, around)
-        case "mti":
-            return ATTITUDE_SENSORS[codec].make(port, ahrs, around)
-        case _:
-            return DRIVES[codec].make(port, drive, around)
+    makers = SCANNERS | ATTITUDE_SENSORS | DRIVES
+    return makers[codec].make(port, sections()[codec], around)
 
 
 def new_fake(codec: str) -> Any:
     from fakes.ax3500.device import FakeAx3500
     from fakes.lms1xx.device import FakeLms111
     from fakes.mti.device import FakeMti
+    from fakes.urg04lx.device import FakeUrg04lx
     from fakes.world.simple import Motion, Room, TwoWheels
 
     match codec:
         case "lms111":
             return FakeLms111(Room("room").ranges_m_at, 1)
+        case "urg04lx":
+            return FakeUrg04lx(Room("room").ranges_m_at, 1)
         case "mti":
             return FakeMti(Motion("still").motion_at, 1)
         case _:
@@ -157,7 +170,10 @@ def write_seeds(codec: str, folder: Path) -> None:
             if row.startswith("#") or "\t" not in row:
                 continue
             try:
-                frame = bytes.fromhex(row.split("\t")[2 if codec != "ax3500" else 1])
+                if codec == "urg04lx":  # as Python writes bytes
+                    frame = row.split("\t")[1].encode().decode("unicode_escape").encode("latin-1")
+                else:
+                    frame = bytes.fromhex(row.split("\t")[2 if codec != "ax3500" else 1])
             except (ValueError, IndexError):
                 frame = row.split("\t")[-1].encode() + b"\r"
             name = f"{path.stem}_{number}"
@@ -168,7 +184,7 @@ def fuzz(codec: str, seconds: int, runs: int, seed: int) -> None:
     atheris: Any = importlib.import_module("atheris")  # no wheel for some processors, no types
 
     with atheris.instrument_imports(include=["hw"]):
-        for device in ("ax3500", "lms1xx", "mti"):
+        for device in ("ax3500", "lms1xx", "mti", "urg04lx"):
             importlib.import_module(f"hw.{device}.session")
 
     def one_input(program: bytes) -> None:

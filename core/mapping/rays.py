@@ -238,4 +238,4 @@ class BeamGeometry:
             from_map,
             rays,
         )
-        return Sweep(last_s, from_map, rays, scan.ranges_m)
+        return Sweep(last_s, from_map, rays, np.ascontiguousarray(scan.ranges_m, np.float64))

@@ -8,6 +8,7 @@ Source: docs/method.md, section 1.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,27 +17,16 @@ from core.grid.places import PART_M, parts_of
 from core.grid.ring import RingGrid
 from core.grid.touched import Touched
 from core.grid.window import ObstacleWindow, Shown
-from core.mapping import layers
-from core.mapping.along import REACH_M
+from core.mapping import along, layers
 from core.mapping.body import BodyPose, Sway, body_pose_at
 from core.mapping.causes import BEYOND_STEP, NO_FLOOR
 from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
-from core.mapping.surface import cells, constants, sweep
+from core.mapping.surface import cells, sweep
 from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface
-from core.mapping.surface.constants import (
-    ALIKE_S,
-    CLEAR,
-    FLAT_M,
-    GATE,
-    GUESS,
-    PASS_LOW,
-    RARE,
-    THING_M,
-    WITNESSES,
-)
+from core.mapping.surface.constants import *
 from core.mapping.surface.decision import decide_cells, list_causes
 from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
@@ -45,7 +35,7 @@ from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_wi
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.records import F64, I32, I64, U8, UNKNOWN, PointSweep, Scan
-from jit import kernel, records, with_fields
+from jit import kernel, records, settled, with_fields
 
 AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
 EVIDENCE = {  # fields of a cell, by what they tell
@@ -102,7 +92,7 @@ def limits_of(config: Config) -> Limits:
     """What the settings tell, worked out once."""
     scanner, obstacle, mount_z_m = config.scanner, config.obstacle, config.scanner.mount_z_m
     tilt_rad, spec = math.radians(max(0.0, scanner.mount_tilt_deg)), scanner.options.spec
-    far_m = mount_z_m / max(math.tan(tilt_rad), mount_z_m / REACH_M)
+    far_m = mount_z_m / max(math.tan(tilt_rad), mount_z_m / along.REACH_M)
     away_m, parts = math.hypot(mount_z_m, far_m), parts_of(config.map.cell_m)
     limits = Limits(
         h_pos_m=obstacle.h_pos_m,
@@ -122,7 +112,7 @@ def limits_of(config: Config) -> Limits:
         rises=0.5 * mount_z_m / far_m,
         parts=parts,
         row=min(parts, parts * parts - 1),
-        block=max(1, round(constants.REACH_M / config.map.cell_m)),
+        block=max(1, round(REACH_M / config.map.cell_m)),
     )
     noise_m2 = sweep.noise_m2(away_m, mount_z_m / away_m, FLAT_M**2, limits)
     return limits._replace(noise_m2=noise_m2)
@@ -173,6 +163,7 @@ class SurfaceMaps:
         self._arm_m = scanner.mount_x_m
         self._faces = FaceMatcher(self.grid, beams)
         self._anchored = False  # some ground is tied to that under the wheels
+        self._take: Callable[..., tuple[int, int]] | None = None  # take_sweep, by the first scan
 
     def warm(self) -> None:
         """Run the kernels to which the first scans do not come, once; the maps stay empty."""
@@ -205,9 +196,9 @@ class SurfaceMaps:
             for k, of in enumerate(self._returns)
         )
         guess, rolled_s = LOOSE if self._anchored else TIED, passed_s if driven_m else 0.0
-        count, window.used = take_sweep(
-            first, behind, passed_s, rolled_s, guess, surface, room, shown, window.used
-        )
+        given = first, behind, passed_s, rolled_s, guess, surface, room, shown, window.used
+        self._take = self._take or settled(take_sweep, *given)
+        count, window.used = self._take(*given)
         if not self._anchored:
             seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]
             self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > WITNESSES

@@ -94,11 +94,11 @@ def level_of(ray: F64) -> float:
 
 
 @kernel
-def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surface) -> Plane:
-    """Ground extended to a point of a beam from the nearest seen before (-1) or behind it (1)."""
-    away, cell_m = THING_M, surface.ring.cell_m
-    while away < far_m:
-        bx, by = x + side * away * ray[0], y + side * away * ray[1]
+def reach(x: float, y: float, r: float, ray: F64, surface: Surface) -> Plane:
+    """Ground at a point of a beam, r away, by the nearest seen towards the robot, or its wheels."""
+    stand, cell_m, away = surface.stand, surface.ring.cell_m, THING_M
+    while away < min(r, GAP_M):
+        bx, by = x - away * ray[0], y - away * ray[1]
         at = cell_at(bx, by, surface.ring)
         if at >= 0 and surface.cells[at].looks > 0:
             cell = surface.cells[at]
@@ -108,34 +108,12 @@ def _find(x: float, y: float, ray: F64, side: float, far_m: float, surface: Surf
             rise = cell.slope_x * dx + cell.slope_y * dy
             z = ground_of(cell, surface.own) + kept * rise
             var += min(0.0, (1.0 - kept) * rise) ** 2  # ground that falls away may go on to fall
-            is_before = side < 0.0
-            return plane_of(z, cell.slope_x, cell.slope_y, var, cell.floor_s, cell.tied, is_before)
+            return plane_of(z, cell.slope_x, cell.slope_y, var, cell.floor_s, cell.tied, True)
         away += THING_M
-    return NOWHERE
-
-
-@kernel
-def reach(x: float, y: float, r: float, ray: F64, surface: Surface) -> Plane:
-    """Ground at a point of a beam, r away, by what was seen towards the robot, or its wheels."""
-    stand = surface.stand
-    plane = _find(x, y, ray, -1.0, min(r, GAP_M), surface)
-    if plane.var_m2 < math.inf:
-        return plane
     dx, dy, (a, b) = x - stand.x_m, y - stand.y_m, stand.slopes
     var = min(surface.limits.wheels_m2, (0.5 * STEEP) ** 2 * (dx * dx + dy * dy))
     z = surface.now[0].wheels_m + a * dx + b * dy
     return Plane(z, a, b, var, stand.t_s, cells.TIED, False)
-
-
-@kernel
-def _between(near: Plane, far: Plane) -> Plane:
-    """Ground where none is measured around: between that before and that behind, by variances."""
-    if far.var_m2 == math.inf:
-        return near
-    share = near.var_m2 / (near.var_m2 + far.var_m2)
-    z, var = near.z_m + share * (far.z_m - near.z_m), share * far.var_m2
-    tied = near.tied if far.tied == near.tied else cells.LOOSE
-    return Plane(z, near.slope_x, near.slope_y, var, near.seen_s, tied, near.is_before)
 
 
 @kernel
@@ -174,7 +152,7 @@ def hold(beams: Beams, surface: Surface) -> int:
                 if not (plane.var_m2 < math.inf and z > plane.z_m + surface.limits.h_pos_m):
                     near = reach(x - cx, y - cy, r, ray, surface)
                 if plane.var_m2 == math.inf:
-                    plane = _between(near, _find(x - cx, y - cy, ray, 1.0, GAP_M, surface))
+                    plane = near
         one.slope_x, one.slope_y, one.var_m2 = plane.slope_x, plane.slope_y, plane.var_m2
         one.is_before, one.tied = plane.is_before, plane.tied
         one.height_m = z - plane.z_m - plane.slope_x * cx - plane.slope_y * cy

@@ -34,7 +34,6 @@ LIMITS = Limits(
     h_neg_m=-0.10,
     height_m=1.30,
     soft_m=0.0,
-    face_m=0.087,
     guess_m2=0.04**2,
     sure_m2=0.04**2,
     wheels_m2=math.inf,

@@ -82,7 +82,6 @@ class Limits(NamedTuple):
     h_neg_m: float
     height_m: float  # of the robot
     soft_m: float  # so high, soft things may be free; 0: never
-    face_m: float  # a face that is seen so high is hardly ever lower than h_pos_m
     guess_m2: float  # variance of ground that is a guess
     sure_m2: float  # ground less sure is set by what most returns agree on
     wheels_m2: float  # most variance of the plane on which the robot stands

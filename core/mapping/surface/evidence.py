@@ -292,10 +292,12 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     elif h < most and one.is_face == 0 and z - ground_of(cell, own) <= cell.floor_m + rise:
         _end_on_floor(at, part, one, z, is_step and cell.looks == 0, surface)
     else:
-        one.kind, over, bound = ABOVE, h, limits.h_pos_m
-        if cell.looks > 0 and cell.parts & part:  # a face, whose top was not seen yet
-            over, bound = h - max(-rise, cell.floor_m), limits.face_m
-        vote(at, max(0.0, min(HIT, (over - bound) / sigma)), surface)
+        one.kind, foot = ABOVE, 0.0
+        if (
+            cell.looks > 0 and cell.parts & part
+        ):  # a face: its first returns were floor, and lift it
+            foot = max(-rise, cell.floor_m)
+        vote(at, max(0.0, min(HIT, (h - foot - limits.h_pos_m) / sigma)), surface)
         _stand(at, z - ground_of(cell, own), surface)
 
 

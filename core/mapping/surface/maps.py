@@ -80,14 +80,6 @@ def take_sweep(
     return count, decide_cells(touched.at[: touched.used[0]], surface, shown, used)
 
 
-def face_of(h_pos_m: float, height_m: float) -> float:
-    """How high a face must be seen, its top not yet, to end below h_pos_m in RARE cases only.
-
-    Heights of things are alike in all scales, up to that of the robot.
-    """
-    return float((h_pos_m / height_m**RARE) ** (1.0 / (1.0 - RARE)))
-
-
 def limits_of(config: Config) -> Limits:
     """What the settings tell, worked out once."""
     scanner, obstacle, mount_z_m = config.scanner, config.obstacle, config.scanner.mount_z_m
@@ -99,7 +91,6 @@ def limits_of(config: Config) -> Limits:
         h_neg_m=obstacle.h_neg_m,
         height_m=config.robot.height_m,
         soft_m=obstacle.soft_free_below_m,
-        face_m=face_of(obstacle.h_pos_m, config.robot.height_m),
         guess_m2=(GUESS * obstacle.h_pos_m) ** 2,
         sure_m2=(GUESS * obstacle.h_pos_m) ** 2,
         wheels_m2=math.inf,

@@ -8,8 +8,7 @@ import pytest
 from core.mapping import causes
 from core.mapping.freshness import SWEEP_S
 from core.mapping.layers import ON_ASKING, UNITS, maybe_layer, maybe_values
-from core.mapping.surface.constants import RARE
-from core.mapping.surface.maps import SurfaceMaps, face_of
+from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import COMPILED
 from tests.support.cases import few
@@ -147,12 +146,6 @@ def test_a_face_is_told_while_its_top_is_not_seen(
     """Its returns are as high as the bound of 10 cm after 0.76 m of way."""
     rig = Rig(CONFIG, World(kerb(9.05, rise_m)), Ride(v_mps=0.5), 2.0 * (0.6 + 0.78)).run()
     assert barred_lanes(rig, 9.05, 9.05) == set(lanes_m)
-
-
-def test_a_face_of_unknown_height_is_lower_than_the_bound_in_few_cases() -> None:
-    face_m, h_pos_m, height_m = face_of(0.10, 1.30), 0.10, 1.30
-    lower = math.log(h_pos_m / face_m) / math.log(height_m / face_m)
-    assert lower == pytest.approx(RARE)
 
 
 @pytest.mark.parametrize("rise_m", [0.15, -0.2])

@@ -293,9 +293,7 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
         _end_on_floor(at, part, one, z, is_step and cell.looks == 0, surface)
     else:
         one.kind, foot = ABOVE, 0.0
-        if (
-            cell.looks > 0 and cell.parts & part
-        ):  # a face: its first returns were floor, and lift it
+        if cell.looks > 0 and cell.parts & part:  # a face: its first returns were floor, lifted it
             foot = max(-rise, cell.floor_m)
         vote(at, max(0.0, min(HIT, (h - foot - limits.h_pos_m) / sigma)), surface)
         _stand(at, z - ground_of(cell, own), surface)

@@ -144,7 +144,7 @@ def test_a_face_is_told_while_its_top_is_not_seen(
     rise_m: float, lanes_m: tuple[float, ...]
 ) -> None:
     """Its returns are as high as the bound of 10 cm after 0.76 m of way."""
-    rig = Rig(CONFIG, World(kerb(9.05, rise_m)), Ride(v_mps=0.5), 2.0 * (0.6 + 0.78)).run()
+    rig = Rig(CONFIG, World(kerb(9.05, rise_m)), Ride(v_mps=0.5), 2.0 * (0.6 + 0.84)).run()
     assert barred_lanes(rig, 9.05, 9.05) == set(lanes_m)
 
 

@@ -6,9 +6,12 @@ import sys
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 from numba.core.errors import TypingError
 
+from core.records import F64
+from jit import kernel, settled
 from tests import Patch
 from tests.support.plain_user import as_plain_user
 
@@ -230,3 +233,16 @@ def test_a_file_has_its_name_only_once_it_is_on_the_disk(
     monkeypatch.setattr(os, "replace", replace)
     assert tried(tmp_path) == (161.0, 2)
     assert named == {(".nbi", True), (".nbc", True)}
+
+
+@kernel
+def _summed(values: F64, more: tuple[float, int]) -> float:
+    return float(values.sum()) + more[0] * more[1]
+
+
+def test_a_settled_kernel_does_what_the_kernel_does() -> None:
+    values = np.array([1.0, 2.0])
+    run = settled(_summed, values, (0.5, 2))
+    for third in (3.0, -7.5):
+        given = np.array([1.0, 2.0, third]), (third, 3)
+        assert run(*given) == _summed(*given)

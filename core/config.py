@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 import msgspec
 from msgspec import Meta, Struct
 
+from core.map_settings import Certainty, Ground, Map, Obstacle
 from core.records import ScannerSpec
 
 Hz = Annotated[float, Meta(gt=0, le=1000)]
@@ -106,31 +107,6 @@ class Drive(Struct, frozen=True):
     options: Options
 
 
-class Map(Struct, frozen=True, forbid_unknown_fields=True):
-    """The elevation map."""
-
-    method: Literal["surface", "reference_plane"]
-    cells: Annotated[int, Meta(ge=3, le=2001)]
-    cell_m: Annotated[float, Meta(ge=0.01, le=1)]
-
-
-class Obstacle(Struct, frozen=True, forbid_unknown_fields=True):
-    """What height makes an obstacle, and how much of the map is sent."""
-
-    h_pos_m: Annotated[float, Meta(gt=0, le=2)]
-    h_neg_m: Annotated[float, Meta(ge=-2, lt=0)]
-    window_cells: Annotated[int, Meta(ge=3, le=401)]
-    soft_free_below_m: Annotated[float, Meta(ge=0, le=2)]
-    free_max_age_s: Annotated[float, Meta(ge=1, le=1_000_000)]
-
-
-class Ground(Struct, frozen=True, forbid_unknown_fields=True):
-    """When the ground itself is taken to have changed (epsilon and eta of the paper)."""
-
-    total_pitch_deg: Annotated[float, Meta(gt=0, le=45)]
-    step_pitch_deg: Annotated[float, Meta(gt=0, le=45)]
-
-
 class Planner(Struct, frozen=True, forbid_unknown_fields=True):
     """The wires to the planner and whoever else wants the map: one, or a list of them."""
 
@@ -190,6 +166,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     modbus: Modbus
     record: Record
     log: Log
+    certainty: Certainty | None = None  # None: not in the file, and not the method
 
 
 def config_from_text(text: str, drivers: Drivers) -> Config:
@@ -233,7 +210,7 @@ def config_with(config: Config, drivers: Drivers, changes: Mapping[str, Keys]) -
     """
     table = table_from(config)
     for section, keys in changes.items():
-        before = table[section]
+        before = table.get(section, {})
         if keys.get("driver") not in (None, before.get("driver")):  # whose own keys go with it
             own = msgspec.to_builtins(getattr(config, section).options)
             before = {key: value for key, value in before.items() if key not in own}
@@ -243,10 +220,11 @@ def config_with(config: Config, drivers: Drivers, changes: Mapping[str, Keys]) -
 
 def table_from(config: Config) -> dict[str, dict[str, Any]]:
     """The settings as sections and keys, as they stand in the file."""
-    table: dict[str, dict[str, Any]] = msgspec.to_builtins(config)
-    for keys in table.values():
+    table: dict[str, dict[str, Any] | None] = msgspec.to_builtins(config)
+    given = {section: keys for section, keys in table.items() if keys is not None}
+    for keys in given.values():
         keys.update(keys.pop("options", {}))
-    return table
+    return given
 
 
 def _config_from(table: dict[str, Any], drivers: Drivers) -> Config:
@@ -254,7 +232,7 @@ def _config_from(table: dict[str, Any], drivers: Drivers) -> Config:
     _check_keys(table, drivers)
     parts = {
         section: _convert(section, table[section], kind, drivers.get(section))
-        for section, kind in _fields(Config).items()
+        for section, kind in _sections(table).items()
     }
     config = msgspec.convert(parts, Config)
     _check_finite(table)
@@ -290,10 +268,19 @@ def _fields(kind: type[Struct]) -> dict[str, Any]:
     return {field.name: field.type for field in msgspec.structs.fields(kind)}
 
 
+def _sections(table: dict[str, Any]) -> dict[str, Any]:
+    """Those that a file has or must have; of a method's own section, if it names that method."""
+    sections, keys = {**_fields(Config), "certainty": Certainty}, table.get("map")
+    method = keys.get("method") if isinstance(keys, dict) else None
+    if "certainty" not in table and method != "certainty":
+        del sections["certainty"]
+    return sections
+
+
 def _check_keys(table: dict[str, Any], drivers: Drivers) -> None:
     """Unknown and missing sections and keys, all of them in one text."""
     faults = []
-    sections = _fields(Config)
+    sections = _sections(table)
     for section in [*table, *(name for name in sections if name not in table)]:
         if section not in sections:
             faults.append(f"[{section}]: unknown section; allowed are {', '.join(sections)}")
@@ -387,10 +374,15 @@ def _check_together(config: Config) -> None:
             f"for beams echo twice in soft things; is {config.obstacle.soft_free_below_m}, and "
             f"{config.scanner.driver!r} as set tells one"
         )
-    if config.map.method == "reference_plane" and not spec.is_plane:
+    if config.map.method in ("reference_plane", "certainty") and not spec.is_plane:
         raise ConfigError(
-            'map.method: "reference_plane" needs a scanner of one plane, which '
+            f'map.method: "{config.map.method}" needs a scanner of one plane, which '
             f"{config.scanner.driver!r} is not"
+        )
+    if config.certainty is not None and config.certainty.free_from > config.certainty.most:
+        raise ConfigError(
+            f"certainty.free_from: must be at most certainty.most = {config.certainty.most}, "
+            f"is {config.certainty.free_from}"
         )
     if config.record.path and not config.record.path.endswith(("/", ".mcap")):
         raise ConfigError(

@@ -13,11 +13,11 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 OUTSIDE = 0  # of the map: nothing is told
 # why a cell is unknown
 UNSEEN, GONE, UNSHOWN, CONTRADICTED, EARLIER_RUN, EDGE, FOOT, AGED, BEYOND_METHOD = range(1, 10)
-UNKNOWN_BEFORE, GUESSED, UNREACHED, FEW = range(10, 14)
+UNKNOWN_BEFORE, GUESSED, UNREACHED, FEW, RESET, CORRUPT, UNCERTAIN = range(10, 17)
 # why it is free
 FLOOR, SOFT, PASSED, FLOOR_AGAIN, JUDGED_AGAIN, FREE_BEFORE = range(64, 70)
 # why it is an obstacle
-STANDS, LOW, NO_FLOOR, TOO_HIGH, TOO_LOW, OBSTACLE_BEFORE, BEYOND_STEP = range(128, 135)
+STANDS, LOW, NO_FLOOR, TOO_HIGH, TOO_LOW, OBSTACLE_BEFORE, BEYOND_STEP, BRINK = range(128, 136)
 # why free is held back: the input that is not to be trusted
 TILTED, NO_SCANS, NO_ATTITUDE, NO_COUNTS, NO_POSE, NOT_MAPPED = range(192, 198)
 FIRST_FREE, FIRST_OBSTACLE, FIRST_DOUBT = 64, 128, 192
@@ -60,6 +60,11 @@ CAUSES = {
         "unreached", "Its floor was seen, but not that it can be reached without a step."
     ),
     FEW: Cause("few", "Too few beams have passed low over its floor."),
+    RESET: Cause("reset", "The last scan that met it disagrees with what was there before."),
+    CORRUPT: Cause(
+        "corrupt", "It departs from its neighbours and is not certain: a mixed pixel, perhaps."
+    ),
+    UNCERTAIN: Cause("uncertain", "It looks flat, but too few readings have agreed on it."),
     FLOOR: Cause("floor", "All that was seen in it lies within the bounds of floor."),
     SOFT: Cause(
         "soft", "What stands in it lets beams in, and is lower than the settings call free."
@@ -84,6 +89,7 @@ CAUSES = {
     TOO_HIGH: Cause("too-high", "Its height is at the upper bound of floor or above."),
     TOO_LOW: Cause("too-low", "Its height is at the lower bound of floor or below."),
     BEYOND_STEP: Cause("beyond-step", "Its ground lies beyond a step that no wheel climbs."),
+    BRINK: Cause("brink", "It lies higher than a cell beside it by a bound of floor or more."),
     OBSTACLE_BEFORE: Cause(
         "before", "It was decided an obstacle before, and has not been touched by a beam since."
     ),

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from core.config import Config
 from core.mapping import layers
+from core.mapping.certainty.maps import CertaintyMaps
 from core.mapping.footing import USUAL, Footing
 from core.mapping.layers import LayerView
 from core.mapping.method import MAX_SLOPE_RAD, Maps
@@ -58,6 +59,8 @@ class Mapper:
         )
         if is_paper:
             self.maps: Maps = ReferencePlaneMaps(config)
+        elif config.map.method == "certainty":
+            self.maps = CertaintyMaps(config)
         else:
             self.maps = SurfaceMaps(config)
         self.counts = MapperCounts()

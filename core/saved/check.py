@@ -54,6 +54,8 @@ def shapes_of(config: Config) -> Shapes:
         shapes["plane.count"] = (I32, (cells, cells))
         shapes["plane.states"] = (I8, (cells, cells))
         return shapes
+    if config.map.method == "certainty":
+        return shapes
     return shapes | surface.shapes()
 
 
@@ -69,7 +71,7 @@ def check_state(arrays: Arrays, config: Config) -> None:
     _check_window(arrays)
     if config.map.method == "reference_plane":
         _check_plane(arrays)
-    else:
+    elif config.map.method == "surface":
         surface.check_surface(arrays, config)
 
 

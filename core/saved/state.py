@@ -5,6 +5,7 @@ A loaded map is not believed as the same map is within a run: nobody saw what mo
 - What was free is unknown until this run has seen its floor; `surface` begins anew with all ground.
 - The map frame goes on from the saved pose. So the robot must stand where it stood when the map was
   saved; nothing here can tell. Where it does not, obstacles lie wrong, but free does not.
+- Method `certainty` begins anew with all its cells: only the obstacles of its window are kept.
 - Method `reference_plane` counts yaw, displacement and its plane anew, as it does at a restart.
 Numbers of the run itself (scans added and dropped, ages) are not part of the state.
 """
@@ -13,6 +14,7 @@ import numpy as np
 
 from core.config import Config
 from core.grid.window import ObstacleWindow
+from core.mapping.certainty.maps import CertaintyMaps
 from core.mapping.mapper import Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.surface.maps import SurfaceMaps
@@ -87,6 +89,8 @@ def restore(mapper: Mapper, arrays: Arrays, config: Config, now_s: float) -> Non
         grid.count[...] = arrays["plane.count"]
         grid.states[...] = np.where(states == FREE, UNKNOWN, states)
     _into_window(maps.window, arrays)
+    if isinstance(maps, CertaintyMaps):
+        maps.go_on_from(maps.window.grid.corner_i, maps.window.grid.corner_j)
 
 
 def _into_window(window: ObstacleWindow, arrays: Arrays) -> None:

@@ -8,12 +8,17 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
 from numba.core.dispatcher import Dispatcher
 
 from tests import ROOT
 from tests.hw.stripe.test_sweep import GIVEN
 
-METHODS = {"reference_plane": "core.mapping.paper", "surface": "core.mapping.surface"}
+METHODS = {
+    "reference_plane": "core.mapping.paper",
+    "surface": "core.mapping.surface",
+    "certainty": "core.mapping.certainty",
+}
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
 ELSEWHERE = "hw.modbus", "hw.stripe"  # what is off, or another driver's, as shipped
@@ -79,7 +84,8 @@ def test_every_kernel_of_a_camera_is_warm_where_that_is_the_scanner() -> None:
     assert not [name for name in cold if name.startswith("hw.stripe")]
 
 
-def test_every_kernel_of_another_method_is_warm_where_that_is_set() -> None:
-    cold = cold_after(map={"method": "reference_plane"})
-    used = METHODS["reference_plane"], "hw.planner_link"
+@pytest.mark.parametrize("method", ["reference_plane", "certainty"])
+def test_every_kernel_of_another_method_is_warm_where_that_is_set(method: str) -> None:
+    cold = cold_after(map={"method": method})
+    used = METHODS[method], "hw.planner_link"
     assert not [name for name in cold if name.startswith(used)]

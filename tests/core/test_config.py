@@ -106,8 +106,10 @@ def test_a_list_of_numbers_that_is_too_short_is_told() -> None:
         ("drive", "right_channel", 1, "must differ from left_channel = 1, is 1"),
         ("map", "cell_value", "certainty", "'mean' or 'kalman', is 'certainty'"),
         ("map", "cells", 101.0, "a whole number from 3 to 2001, is 101.0"),
-        ("map", "cell_m", float("nan"), "from 0.01 to 1, is nan"),
+        ("map", "cell_m", float("nan"), "from 0.005 to 1, is nan"),
         ("map", "cell_m", 0.0333, "whole millimetres"),
+        ("map", "cell_m", 0.004, "from 0.005 to 1, is 0.004"),
+        ("certainty", "free_from", 51, "at most certainty.most = 50, is 51"),
         ("obstacle", "soft_free_below_m", 0.3, "two echoes of a beam"),
         ("obstacle", "h_neg_m", 0.1, "is 0.1"),
         ("obstacle", "window_cells", 103, "at most map.cells = 101, is 103"),
@@ -130,6 +132,17 @@ def test_a_file_of_an_earlier_version_is_read_and_what_has_gone_is_told() -> Non
     assert told[1].startswith("map.cell_value: is gone")
     assert outdated_in(SHIPPED) == []
     assert "map: must be a section" in error_of("map = 3")
+
+
+def test_the_section_of_a_method_may_be_left_out_where_another_is_named() -> None:
+    left = {section: keys for section, keys in TABLE.items() if section != "certainty"}
+    config = load_config(toml_from(left))
+    assert config.certainty is None
+    assert table_from(config) == left
+    left["map"] = {**left["map"], "method": "certainty"}
+    assert "certainty.gain: missing" in error_of(toml_from(left))
+    with pytest.raises(ConfigError, match=r"certainty.gain: missing"):
+        with_changes(config, map={"method": "certainty"})
 
 
 VALUES: st.SearchStrategy[Any] = st.one_of(

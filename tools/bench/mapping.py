@@ -24,7 +24,7 @@ from fakes.world.rig import Rig
 from tools.bench.drive import FAST, SHIPPED
 
 SIZES = ((101, 0.2), (201, 0.2), (401, 0.2), (401, 0.05))
-METHODS = ("surface", "reference_plane")
+METHODS = ("surface", "reference_plane", "certainty")
 SECONDS, SETTLED, PEER_EVERY = 16.0, 150, 4
 START_S, DELAY_S = 1000.0, 2.0
 

@@ -7,6 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from config_file import load_config, with_changes
+from core.mapping.certainty.maps import CertaintyMaps
 from core.mapping.mapper import WAIT_S, WAITING, Mapper
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.surface.maps import SurfaceMaps
@@ -56,7 +57,12 @@ def test_floor_is_free_a_wall_is_an_obstacle_and_the_rest_unknown() -> None:
 
 
 def test_the_settings_name_the_method() -> None:
-    for method, kind in (("surface", SurfaceMaps), ("reference_plane", ReferencePlaneMaps)):
+    kinds = {
+        "surface": SurfaceMaps,
+        "reference_plane": ReferencePlaneMaps,
+        "certainty": CertaintyMaps,
+    }
+    for method, kind in kinds.items():
         mapper = Mapper(with_changes(CONFIG, map={"method": method}))
         assert isinstance(mapper.maps, kind)
         assert not mapper.window(True).cells.any()

@@ -20,7 +20,7 @@ LAYERS = ("state", "height", "variance", "slope", "z", "edge", "foothold")
 F32 = npt.NDArray[np.float32]
 
 
-@pytest.fixture(scope="module", params=["surface", "reference_plane"])
+@pytest.fixture(scope="module", params=["surface", "reference_plane", "certainty"])
 def driven(request: pytest.FixtureRequest) -> ClosedLoop:
     shipped = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
     loop = ClosedLoop(with_changes(shipped, map={"method": request.param}))

@@ -17,7 +17,7 @@ from tests.core.motion.test_attitude import attitude
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 END_S, LATER_S = 2.0, 5000.0
-METHODS = ("surface", "reference_plane")
+METHODS = ("surface", "reference_plane", "certainty")
 
 
 def config_of(method: str = "surface") -> Config:

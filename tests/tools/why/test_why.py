@@ -171,7 +171,7 @@ def test_what_cannot_be_asked_is_one_line(
     assert said.count("\n") == 1
 
 
-@pytest.mark.parametrize("method", ["surface", "reference_plane"])
+@pytest.mark.parametrize("method", ["surface", "reference_plane", "certainty"])
 def test_every_method_is_asked(drive: tuple[DriveToBox, Path], method: str) -> None:
     recording = Recording(drive[1])
     config = changed(load_config(recording.config), [f'map.method="{method}"'])

@@ -1,0 +1,1 @@
+"""Method `certainty`: an elevation and a certainty of each cell, to be compared with."""

@@ -1,0 +1,293 @@
+"""Method `certainty`: elevation and certainty of small cells about the sensor, scan by scan.
+
+For each scan: cast its beams; take out what is likely no surface; with three scans at hand judge
+the middle one; put its readings into cells; filter; decide again the cells that it touched. So a
+map that looks at three scans is one scan behind. Of two echoes the first counts.
+Source: docs/certainty.md, equation by equation; design, section 7.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from core.config import Config
+from core.geometry import R_from_rpy
+from core.grid.ring import RingGrid
+from core.grid.touched import Touched
+from core.grid.window import ObstacleWindow
+from core.mapping import layers
+from core.mapping.body import BodyPose, body_pose_at
+from core.mapping.causes import TOO_LOW
+from core.mapping.certainty import scans
+from core.mapping.certainty.cas import heights_at, mark
+from core.mapping.certainty.cells import Cells, Pass, Rules, gather, update, widen
+from core.mapping.certainty.decision import decide, list_causes
+from core.mapping.certainty.limit import changes_of, frame_of, limits_of
+from core.mapping.certainty.scans import Look
+from core.mapping.footing import Ground
+from core.mapping.freshness import Freshness
+from core.mapping.rays import BeamGeometry, Sweep
+from core.mapping.terrain import JUDGED, around, terrain_of
+from core.motion.attitude import AttitudeRing
+from core.motion.odometry import Odometry
+from core.records import F64, I32, I64, U8, PointSweep, Scan
+
+AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
+HEIGHTS = ("z", "height")
+
+
+@dataclass(slots=True)
+class Kept:
+    """A scan that waits for the next one; room for the most beams there can be."""
+
+    max_beams: int
+    ranges_m: F64 = field(init=False)  # (n,), and all others too; NaN: nothing, or taken out
+    limits_m: F64 = field(init=False)
+    points: F64 = field(init=False)  # (n, 3), map frame
+    beams: tuple[int, float, float] = (0, 0.0, 0.0)  # how many, first and step; 0: no scan
+    t_s: float = -math.inf  # of its last beam
+    yaw_rad: float = 0.0
+    body: BodyPose = AT_START
+
+    def __post_init__(self) -> None:
+        self.ranges_m = np.full(self.max_beams, math.nan)
+        self.limits_m, self.points = np.zeros(self.max_beams), np.zeros((self.max_beams, 3))
+
+    def look_for(self, judged: "Kept") -> Look:
+        """It as another scan, which is judged, compares itself with it."""
+        n, _, step_rad = self.beams
+        if n == 0 or self.beams != judged.beams:
+            return Look(self.ranges_m[:0], math.nan)
+        turned_rad = math.remainder(judged.yaw_rad - self.yaw_rad, 2.0 * math.pi)
+        return Look(self.ranges_m[:n], turned_rad / step_rad if step_rad else 0.0)
+
+
+def rules_of(config: Config) -> Rules:
+    """What the settings tell."""
+    given, obstacle = config.certainty, config.obstacle
+    assert given is not None  # as the settings were checked
+    return Rules(
+        gain=given.gain,
+        most=given.most,
+        free_from=given.free_from,
+        cas=given.cas,
+        cas_certainty=given.cas_certainty,
+        cas_height_m=given.cas_height_m,
+        h_pos_m=obstacle.h_pos_m,
+        h_neg_m=obstacle.h_neg_m,
+        height_m=config.robot.height_m,
+    )
+
+
+class CertaintyMaps:
+    """`Maps` by elevation and certainty, about the sensor."""
+
+    def __init__(self, config: Config) -> None:
+        assert config.certainty is not None  # as the settings were checked
+        scanner, robot, settings = config.scanner, config.robot, config.certainty
+        self._config, self._settings, self._rules = config, settings, rules_of(config)
+        self._geometry = BeamGeometry.of(scanner)
+        mount_deg = scanner.mount_roll_deg, scanner.mount_tilt_deg, scanner.mount_yaw_deg
+        self._R_body_sensor = R_from_rpy(*map(math.radians, mount_deg))
+        self.grid = RingGrid(config.map.cells, config.map.cell_m)
+        self.window = ObstacleWindow(config.obstacle.window_cells, config.map.cell_m)
+        footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
+        self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
+        count, beams = config.map.cells**2, scanner.options.spec.max_beams
+        self.cells = Cells(
+            height_m=self.grid.layer(np.float64, math.nan).reshape(-1),
+            low_m=self.grid.layer(np.float64, math.nan).reshape(-1),
+            certainty=self.grid.layer(np.int32, 0).reshape(-1),
+            marks=self.grid.layer(np.uint8, 0).reshape(-1),
+            seen_s=self.fresh.seen_s,
+            ring=self.grid.ring,
+        )
+        low_m, limit_m = np.zeros((2, count))
+        self._pass = Pass(Touched.none(count), low_m, limit_m, np.zeros(count, dtype=np.int32))
+        self._near, self._about = Touched.none(count), Touched.none(count)
+        self._scans = [Kept(beams) for _ in range(3)]  # the oldest first
+        self._room: U8 = np.zeros(beams, dtype=np.uint8)
+        self._body = AT_START
+
+    def warm(self) -> None:
+        """Run the kernels to which the first scans do not come, once; the maps stay empty."""
+        none, nowhere = np.zeros(0), np.zeros(0, dtype=np.int64)
+        look, kept = Look(none, math.nan), self._room[:0]
+        scans.keep_all(none, kept)
+        scans.keep_supported(none, look, look, self._settings.three_scans_m, kept)
+        scans.drop_small_groups(none, self._settings.group_gap_m, self._settings.min_group)
+        scans.drop_shadows(none, 0.0, 0.0, self._settings.shadow_beams, kept)
+        self.window.put(nowhere.astype(np.int32), np.zeros(0, dtype=np.int8))
+        self._map(np.zeros((0, 3)), none, kept, 0.0)
+        self._decide(nowhere.astype(np.int32))
+        self.causes(nowhere, nowhere)
+        self._heights_m(nowhere, fills=True)
+
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+        """Take a scan that both cover; how many readings were mapped, of this scan or the last."""
+        if not isinstance(scan, Scan):
+            raise ValueError("method certainty is made for scanners of one plane")
+        rays = self._geometry.cast(scan, attitudes, odometry)
+        self._body = body_pose_at(rays.t_s, attitudes, odometry)
+        lens_x_m, lens_y_m = float(rays.origins[-1, 0]), float(rays.origins[-1, 1])
+        self.grid.follow(lens_x_m, lens_y_m)
+        self.cells = self.cells._replace(ring=self.grid.ring)
+        self.fresh.follow(rays.t_s, self._body.x_m, self._body.y_m, self._body.heading)
+        entered = self.window.follow_in(self.grid, lens_x_m, lens_y_m)
+        if entered.size:
+            self._decide(entered)
+        self._scans.append(self._scans.pop(0))
+        self._take(scan, rays, attitudes.rpy_at(rays.t_s), odometry.yaw_start_rad)
+        used = self._map_due()
+        self.fresh.expire(self.window)
+        return used
+
+    def _take(
+        self, scan: Scan, rays: Sweep, rpy_rad: tuple[float, float, float], yaw_start_rad: float
+    ) -> None:
+        """A scan with what is likely no surface taken out, and the limits of its readings."""
+        newest, settings = self._scans[-1], self._settings
+        n = scan.ranges_m.shape[1]
+        newest.beams, newest.t_s = (n, scan.first_rad, scan.step_rad), rays.t_s
+        newest.body, newest.yaw_rad = self._body, rpy_rad[2]
+        ranges_m, points = newest.ranges_m[:n], newest.points[:n]
+        scans.take(np.ascontiguousarray(rays.ranges_m[0]), ranges_m)
+        if settings.min_group > 1:
+            scans.drop_small_groups(ranges_m, settings.group_gap_m, settings.min_group)
+        if settings.shadow_deg > 0.0:
+            least_rad = math.radians(settings.shadow_deg)
+            step_rad = abs(scan.step_rad)
+            scans.drop_shadows(ranges_m, step_rad, least_rad, settings.shadow_beams, self._room)
+        np.multiply(rays.rays, ranges_m[:, None], out=points)
+        points += rays.origins
+        roll, pitch, yaw = rpy_rad
+        origin = np.array([self._body.x_m, self._body.y_m, self._body.z_m])
+        frame = frame_of((roll, pitch, yaw - yaw_start_rad), origin, self._R_body_sensor)
+        changes = changes_of(self._config, scan.step_rad)
+        limits_of(points, rays.rays, ranges_m, frame, changes, newest.limits_m[:n])
+
+    def _map_due(self) -> int:
+        """The newest scan, or the one before it where three are looked at."""
+        before, middle, newest = self._scans
+        one = middle if self._settings.three_scans else newest
+        n = one.beams[0]
+        if n == 0:
+            return 0
+        ranges_m, kept = one.ranges_m[:n], self._room[:n]
+        if self._settings.three_scans:
+            looks = before.look_for(middle), newest.look_for(middle)
+            scans.keep_supported(ranges_m, *looks, self._settings.three_scans_m, kept)
+        else:
+            scans.keep_all(ranges_m, kept)
+        return self._map(one.points[:n], one.limits_m[:n], kept, one.t_s)
+
+    def _map(self, points: F64, limits_m: F64, kept: U8, t_s: float) -> int:
+        """Readings into cells, the filter, and what that means; how many fell into the map."""
+        cells, met = self.cells, self._pass.met
+        used = gather(points, limits_m, kept, self._body, self._rules, cells.ring, self._pass)
+        update(self._pass, t_s, cells, self._rules)
+        widen(met, cells.ring, self._near)
+        mark(self._near, cells, self._rules)
+        widen(self._near, cells.ring, self._about)
+        self._decide(self._about.at[: self._about.used[0]])
+        return used
+
+    def _decide(self, listed: I32) -> None:
+        window = self.window
+        window.used = decide(
+            listed,
+            self.cells,
+            self._body,
+            self.fresh.oldest_s,
+            self._rules,
+            window.shown,
+            window.used,
+        )
+
+    def _heights_m(self, at: I64, fills: bool) -> F64:
+        found = np.empty(at.size)
+        heights_at(at, self.cells, fills, found)
+        return found
+
+    def _over_ground_m(self, at: I64, z_m: F64) -> F64:
+        """Heights (n,), map frame, over the plane on which the robot stands."""
+        size, body = self.grid.size, self._body
+        i = self.grid.corner_i + (at % size - self.grid.corner_i) % size
+        j = self.grid.corner_j + (at // size - self.grid.corner_j) % size
+        dx_m, dy_m = (
+            (k + 0.5) * self.grid.cell_m - place for k, place in ((i, body.x_m), (j, body.y_m))
+        )
+        return np.asarray(z_m - body.z_m - body.slopes[0] * dx_m - body.slopes[1] * dy_m)
+
+    def maybe_ring(self, name: str) -> layers.RingLayer | None:
+        """Heights, with the fill of (11) where that is set; slope, step, roughness without it."""
+
+        def told(at: I64) -> F64:
+            if name in HEIGHTS:
+                z_m = self._heights_m(at, self._settings.fill)
+                return z_m if name == "z" else self._over_ground_m(at, z_m)
+            near = around(self.grid, at)
+            known_m = self._heights_m(np.maximum(near, 0).ravel(), False).reshape(near.shape)
+            z_m = np.where(near >= 0, known_m, math.nan)
+            judged = terrain_of(z_m, np.zeros(at.size), self.grid.cell_m)
+            return np.asarray(judged[JUDGED.index(name)], float)
+
+        return (self.grid, told) if name in (*HEIGHTS, *JUDGED) else None
+
+    def maybe_ground_grid(self) -> RingGrid:
+        """That of the cells."""
+        return self.grid
+
+    def ground_at(self, at: I64) -> Ground:
+        """Heights that were read, at flat indices (n,), without the fill."""
+        z_m, low_m = np.full((2, self.grid.size, self.grid.size), math.nan)
+        z_m.reshape(-1)[at] = self._heights_m(at, False)
+        low_m.reshape(-1)[at] = self.cells.low_m[at]
+        return Ground(self.grid, z_m, low_m)
+
+    def causes(self, i: I64, j: I64) -> F64:
+        found: U8 = np.zeros(i.size, dtype=np.uint8)
+        list_causes(
+            i,
+            j,
+            self.cells,
+            self._body,
+            self.fresh.oldest_s,
+            self._rules,
+            self.window.shown,
+            found,
+        )
+        return found.astype(np.float64)
+
+    def ages_s(self, i: I64, j: I64) -> F64:
+        seen_s = layers.at_cells(self.grid, i, j, lambda at: self.fresh.seen_s[at])
+        return self.fresh.ages_s(seen_s)
+
+    def evidence(self, i: int, j: int) -> dict[str, float]:
+        """Its certainty."""
+        at = j % self.grid.size * self.grid.size + i % self.grid.size
+        return {"certainty of its height": float(self.cells.certainty[at])}
+
+    def heights_m(self) -> F64:
+        """Heights (size, size) of the grid that were read, map frame; NaN: none."""
+        return self.ground_at(np.arange(self.cells.height_m.size)).z_m
+
+    def go_on_from(self, corner_i: int, corner_j: int) -> None:
+        """The window's corner is that of an earlier run: the grid has the same middle."""
+        half = self.window.grid.size // 2 - self.grid.size // 2
+        self.grid.corner_i, self.grid.corner_j = corner_i + half, corner_j + half
+        self.cells = self.cells._replace(ring=self.grid.ring)
+
+    def erase(self) -> None:
+        """Forget everything, and the scans that wait."""
+        self.grid.erase()
+        self.window.erase()
+        for kept in self._scans:
+            kept.beams = (0, 0.0, 0.0)
+
+    def is_low(self, i: int, j: int) -> bool:
+        """Whether an obstacle cell is one because it lies low."""
+        if not self.window.is_obstacle(i, j):
+            return False
+        return int(self.causes(np.array([i]), np.array([j]))[0]) == TOO_LOW

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import pytest
 
 from config_file import load_config, with_changes
+from core.config import Config
 from core.mapping.certainty.maps import CertaintyMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.scenes.scene import Scene
@@ -24,18 +25,17 @@ FLOOR, BOX, LAWN, ROAD = (-1e-3, 1e-3), (0.39, 0.41), (0.15, 0.17), (-0.17, -0.1
 Mask = npt.NDArray[np.bool_]
 
 
+def config_of(**certainty: Any) -> Config:
+    text = (ROOT / "robots" / "urg04lx.toml").read_text(encoding="utf-8")
+    return with_changes(load_config(text), map={"method": "certainty"}, certainty=certainty)
+
+
 class Seen:
     """A map after a drive, with the truth of each of its cells, row by row from the corner."""
 
     def __init__(self, **certainty: Any) -> None:
-        text = (ROOT / "robots" / "urg04lx.toml").read_text(encoding="utf-8")
-        config = with_changes(
-            load_config(text),
-            map={"method": "certainty"},
-            certainty=certainty,
-        )
         scene = Scene("street", SOLIDS, waypoints=((4.2, 0.0),), speed_mps=0.3)
-        self.loop = ClosedLoop(config, scene)
+        self.loop = ClosedLoop(config_of(**certainty), scene)
         self.loop.run(16.0)
         maps = self.loop.app.mapper.maps
         assert isinstance(maps, CertaintyMaps)
@@ -101,3 +101,20 @@ def test_each_step_before_the_map_takes_out_some_of_what_is_wrong_beside_edges()
     )
     assert bare.told(bare.of(*ROAD))[0] <= 1
     assert shadows.told(shadows.of(*ROAD))[0] == 0
+
+
+def test_nothing_that_stands_is_free_around_a_robot_that_turns() -> None:
+    boxes = ((3.2, -0.3), (2.2, 2.2), (-0.3, 3.1), (-2.7, 1.9), (2.5, -2.9))
+    solids = [Solid("box", (x, x + 0.6), (y, y + 0.6), (0.0, 0.4)) for x, y in boxes]
+    solids.append(Solid("floor", (-9.0, 9.0), (-9.0, 9.0), (-1.0, 0.0)))
+    solids.append(Solid("wall", (-6.0, 6.0), (4.6, 4.9), (0.0, 2.0)))
+    ways = (0.8, 0.0), (0.8, 0.8), (0.0, 0.8)
+    loop = ClosedLoop(config_of(), Scene("turns", tuple(solids), waypoints=ways, speed_mps=0.4))
+    obstacles = 0
+    for _ in range(6):
+        loop.run(2.5)
+        stands = heights_of(loop)[1:-1, 1:-1].min(-1) > 0.3
+        assert not (loop.map_now()[stands] == FREE).any()
+        obstacles = int((loop.map_now()[stands] == OBSTACLE).sum())
+    assert obstacles > 150
+    assert (loop.map_now() == FREE).sum() > 800

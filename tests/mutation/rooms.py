@@ -8,6 +8,7 @@ SURFACE = "tests/core/mapping/surface/test_"
 DRIVING = "tests/core/driving/test_"
 TESTS_OF = {
     "core/mapping/along.py": ("tests/core/mapping/test_along.py",),
+    "core/mapping/certainty/decision.py": ("tests/core/mapping/certainty/test_cells.py",),
     "core/mapping/surface/decision.py": (f"{SURFACE}decision.py", f"{SURFACE}soft.py"),
     "core/mapping/freshness.py": ("tests/core/mapping/test_freshness.py",),
     "core/grid/window.py": ("tests/core/grid/test_window.py",),

@@ -113,7 +113,9 @@ class SlowCertainty:
         sound = [self.lows[other] for other in self.near(at) if not self.corrupt(other)]
         if sound and height - min(sound) >= min(settings.h_pos_m, -settings.h_neg_m):
             return causes.BRINK
-        return causes.FLOOR if self.certainties[at] >= settings.free_from else causes.UNCERTAIN
+        if self.certainties[at] < settings.free_from:
+            return causes.UNCERTAIN
+        return causes.FLOOR if len(sound) >= 6 else causes.EDGE
 
 
 def groups_left(ranges: list[float], gap_m: float, least: int) -> list[float]:

@@ -1,6 +1,7 @@
 """What a cell means to the planner, by its elevation and certainty: the only place that decides.
 
-    unknown    without certainty, corrupt by the CAS filter, or flat but not certain enough yet
+    unknown    without certainty, corrupt by the CAS filter; flat, but not certain enough yet, or at
+               the edge of what is known
     obstacle   at or beyond h_pos or h_neg over the ground, or higher than a cell beside it by that
                much: a brink
     free       flat, certain, and seen lately
@@ -8,6 +9,8 @@
 Nobody knows how the ground goes on: level from where the robot stands, or along the plane on which
 its body stands. What is beyond the bounds by either is an obstacle. So a robot that leans takes no
 lower road for flat, and a ramp is an obstacle where it has risen by the bound.
+The foot of a wall looks flat for as long as nothing higher of it was met: so what lies around must
+be known before ground is free.
 A filled height is none here: unseen is unknown. The paper has no obstacle map; all of this is ours.
 Source: docs/certainty.md.
 """
@@ -19,6 +22,8 @@ from core.mapping.body import BodyPose
 from core.mapping.certainty.cells import CORRUPT, RESET, Cells, Rules, over_ground_m
 from core.records import I32, I64, U8
 from jit import kernel
+
+LEAST_AROUND = 6  # of eight neighbours: a straight wall hides three
 
 _state_of, _shown_cause = kernel(causes.state_of), kernel(causes.shown_cause)
 
@@ -34,6 +39,17 @@ def _is_brink(at: int, i: int, j: int, cells: Cells, rules: Rules) -> bool:
         if cells.height_m[at] - cells.low_m[near] >= bound_m:
             return True
     return False
+
+
+@kernel
+def _is_edge(i: int, j: int, cells: Cells) -> bool:
+    """Whether fewer than `LEAST_AROUND` of the neighbours of a world cell are known."""
+    known = 0
+    for n in range(9):
+        near = index_of(i + n % 3 - 1, j + n // 3 - 1, cells.ring)
+        if n != 4 and near >= 0 and cells.certainty[near] > 0 and cells.marks[near] & CORRUPT == 0:
+            known += 1
+    return known < LEAST_AROUND
 
 
 @kernel
@@ -55,6 +71,8 @@ def cause_at(
         return causes.BRINK
     if cells.certainty[at] < rules.free_from:
         return causes.UNCERTAIN
+    if _is_edge(i, j, cells):
+        return causes.EDGE
     return causes.FLOOR if cells.seen_s[at] >= oldest_s else causes.AGED
 
 

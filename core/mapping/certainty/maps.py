@@ -47,8 +47,7 @@ class Kept:
     points: F64 = field(init=False)  # (n, 3), map frame
     beams: tuple[int, float, float] = (0, 0.0, 0.0)  # how many, first and step; 0: no scan
     t_s: float = -math.inf  # of its last beam
-    yaw_rad: float = 0.0
-    body: BodyPose = AT_START
+    turn_rad: float = 0.0  # how far its beams are turned, within their plane
 
     def __post_init__(self) -> None:
         self.ranges_m = np.full(self.max_beams, math.nan)
@@ -59,7 +58,7 @@ class Kept:
         n, _, step_rad = self.beams
         if n == 0 or self.beams != judged.beams:
             return Look(self.ranges_m[:0], math.nan)
-        turned_rad = math.remainder(judged.yaw_rad - self.yaw_rad, 2.0 * math.pi)
+        turned_rad = judged.turn_rad - self.turn_rad
         return Look(self.ranges_m[:n], turned_rad / step_rad if step_rad else 0.0)
 
 
@@ -109,6 +108,7 @@ class CertaintyMaps:
         self._scans = [Kept(beams) for _ in range(3)]  # the oldest first
         self._room: U8 = np.zeros(beams, dtype=np.uint8)
         self._body = AT_START
+        self._yaw_rad = self._turned_rad = 0.0  # of the body; without its jumps by a whole turn
 
     def warm(self) -> None:
         """Run the kernels to which the first scans do not come, once; the maps stay empty."""
@@ -150,7 +150,10 @@ class CertaintyMaps:
         newest, settings = self._scans[-1], self._settings
         n = scan.ranges_m.shape[1]
         newest.beams, newest.t_s = (n, scan.first_rad, scan.step_rad), rays.t_s
-        newest.body, newest.yaw_rad = self._body, rpy_rad[2]
+        # a tilted plane is turned by less than the body, one that is upside down the other way
+        self._turned_rad += math.remainder(rpy_rad[2] - self._yaw_rad, 2.0 * math.pi)
+        self._yaw_rad = rpy_rad[2]
+        newest.turn_rad = self._turned_rad * self._R_body_sensor[2, 2]
         ranges_m, points = newest.ranges_m[:n], newest.points[:n]
         scans.take(np.ascontiguousarray(rays.ranges_m[0]), ranges_m)
         if settings.min_group > 1:

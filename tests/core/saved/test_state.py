@@ -63,7 +63,8 @@ def states(mapper: Mapper) -> npt.NDArray[np.int8]:
 def test_obstacles_are_kept_and_what_was_free_is_unknown(method: str) -> None:
     before = STATE[method]["window.cells"]
     assert (before == OBSTACLE).sum() > 5
-    assert (before == FREE).sum() > 50
+    # a line of floor has nothing beside it that `certainty` could hold it against
+    assert method == "certainty" or (before == FREE).sum() > 50
     mapper = loaded(STATE[method], method)
     expected = np.where(before == OBSTACLE, OBSTACLE, UNKNOWN)
     np.testing.assert_array_equal(states(mapper), expected)

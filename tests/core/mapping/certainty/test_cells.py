@@ -9,12 +9,26 @@ from hypothesis import strategies as st
 
 from core.grid.ring import RingGrid
 from core.grid.touched import Touched
+from core.grid.window import ObstacleWindow
 from core.mapping.body import BodyPose
-from core.mapping.causes import BRINK, CORRUPT, FLOOR, RESET, TOO_HIGH, TOO_LOW, UNCERTAIN, UNSEEN
+from core.mapping.causes import (
+    AGED,
+    BRINK,
+    CORRUPT,
+    EDGE,
+    FLOOR,
+    FREE_BEFORE,
+    OUTSIDE,
+    RESET,
+    TOO_HIGH,
+    TOO_LOW,
+    UNCERTAIN,
+    UNSEEN,
+)
 from core.mapping.certainty.cas import heights_at, mark, median_about
 from core.mapping.certainty.cells import Cells, Pass, Rules, gather, update, widen
-from core.mapping.certainty.decision import cause_at
-from core.records import F64
+from core.mapping.certainty.decision import cause_at, decide, list_causes
+from core.records import F64, FREE, U8, UNKNOWN
 from tests.support.cases import examples
 from tests.support.slow_certainty import Reading, SlowCertainty, SlowSettings
 
@@ -109,6 +123,17 @@ def flat(i: int, j: int, z: float = 0.0, limit: float = 0.05) -> Reading:
     return (i + 0.5) * CELL_M, (j + 0.5) * CELL_M, z, limit
 
 
+EVERYWHERE = [(i, j) for i in range(-3, 4) for j in range(-3, 4)]
+
+
+def on_floor(given: SlowSettings, *but: tuple[int, int]) -> Map:
+    """After four scans of flat floor, that some cells lack."""
+    one = Map(given)
+    for _ in range(4):
+        one.add([flat(*at) for at in EVERYWHERE if at not in but])
+    return one
+
+
 @pytest.mark.parametrize(("weights", "median"), [((4, 1, 3), 0.00), ((3, 1, 4), 0.02)])
 def test_the_lower_weighted_median_and_its_tie(
     weights: tuple[int, int, int], median: float
@@ -123,29 +148,36 @@ def test_the_lower_weighted_median_and_its_tie(
 
 def test_ground_is_free_once_it_is_certain_and_never_because_it_was_filled() -> None:
     one = Map(SlowSettings())
-    ring = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
     for k in range(1, 4):
-        one.add([flat(*at) for at in ring])
+        one.add([flat(*at) for at in EVERYWHERE if at != (0, 0)])
         assert one.cause(1, 1) == (FLOOR if k >= 3 else UNCERTAIN)
     assert one.height(0, 0) == 0.0
     assert one.cause(0, 0) == UNSEEN
-    assert one.cause(1, 1, oldest_s=2.0) != FLOOR
+    assert one.cause(1, 1, oldest_s=1.0) == FLOOR
+    assert one.cause(1, 1, oldest_s=1.1) == AGED
 
 
-def test_what_stands_in_free_ground_ends_free_at_once_and_is_an_obstacle_with_the_next_scan() -> (
-    None
-):
-    one = Map(SlowSettings())
-    for _ in range(4):
-        one.add([flat(0, 0)])
-    assert one.cause(0, 0) == FLOOR
-    one.add([flat(0, 0, 0.4), flat(0, 0)])
-    assert one.cause(0, 0) == RESET
-    one.add([flat(0, 0, 0.4), flat(0, 0)])
-    assert one.cause(0, 0) == TOO_HIGH
-    one.add([flat(0, 0, -0.2)])
-    one.add([flat(0, 0, -0.2)])
-    assert one.cause(0, 0) == TOO_LOW
+def test_the_foot_of_a_wall_is_not_free_for_nothing_behind_it_is_known() -> None:
+    hidden = [(i, j) for i in (2, 3) for j in range(-3, 4)]
+    one = on_floor(SlowSettings(), *hidden, (-1, 0))
+    assert [one.cause(i, 0) for i in (1, 0)] == [EDGE, FLOOR]  # one hole is no edge
+    assert [one.cause(3, 0), one.cause(0, 3)] == [UNSEEN, EDGE]  # nor is what lies outside known
+
+
+def test_what_stands_in_free_ground_ends_free_at_once_and_is_soon_an_obstacle() -> None:
+    for cas, before in ((False, [RESET]), (True, [RESET, CORRUPT, CORRUPT])):
+        one = on_floor(SlowSettings(cas=cas))
+        for z, cause in ((0.4, TOO_HIGH), (-0.2, TOO_LOW)):
+            for expected in (*before, cause):
+                one.add([flat(0, 0, z)])
+                assert one.cause(0, 0) == expected
+
+
+def test_at_a_bound_it_is_an_obstacle() -> None:
+    for z, cause in ((0.1, TOO_HIGH), (-0.1, TOO_LOW), (0.0999, BRINK), (-0.0999, UNCERTAIN)):
+        one = on_floor(SlowSettings(cas=False), (0, 0), (0, 1))
+        one.add([flat(0, 0, z), flat(0, 1, -0.0002)])
+        assert one.cause(0, 0) == cause
 
 
 def test_a_mixed_pixel_goes_and_a_real_edge_stays() -> None:
@@ -159,20 +191,46 @@ def test_a_mixed_pixel_goes_and_a_real_edge_stays() -> None:
     assert one.height(3, 0) == pytest.approx(0.3)
     assert one.cause(3, 1) == TOO_HIGH
     assert [one.cause(1, j) for j in range(-3, 4)] == [TOO_HIGH] * 7
-    assert [one.cause(0, j) for j in range(-3, 4)] == [FLOOR] * 7
+    assert [one.cause(0, j) for j in range(-2, 3)] == [FLOOR] * 5
 
 
-def test_a_brink_within_the_bounds_is_an_obstacle_on_its_higher_side_alone() -> None:
-    one = Map(SlowSettings())
+@pytest.mark.parametrize(("h_pos_m", "h_neg_m"), [(0.1, -0.2), (0.2, -0.1)])
+def test_a_brink_within_the_bounds_is_an_obstacle_on_its_higher_side_alone(
+    h_pos_m: float, h_neg_m: float
+) -> None:
+    one = Map(SlowSettings(h_pos_m=h_pos_m, h_neg_m=h_neg_m))
     for _ in range(4):
-        one.add([flat(i, 0, -0.06 if i > 0 else 0.06) for i in range(-2, 3)])
-    assert [one.cause(i, 0) for i in range(-1, 2)] == [FLOOR, BRINK, FLOOR]
+        one.add([flat(i, j, -0.05 if i > 0 else 0.05) for i, j in EVERYWHERE])
+    assert [one.cause(i, 0) for i in range(-1, 3)] == [FLOOR, BRINK, FLOOR, FLOOR]
+    one = on_floor(SlowSettings(), *((i, 2) for i in range(-3, 4)))
+    for _ in range(4):
+        one.add([flat(i, 2, -0.0999) for i in range(-3, 4)] + [flat(0, 0, 0.04)])
+    assert [one.cause(0, j) for j in (-1, 0, 1)] == [FLOOR] * 3  # none beside it is lower by that
+
+
+def test_six_known_neighbours_are_enough_however_uncertain() -> None:
+    holes, ring = [(2, 2), (2, 1)], [(i, j) for i in range(3) for j in range(3)]
+    for count, cause in ((2, FLOOR), (1, FLOOR), (3, EDGE)):
+        one, lacks = Map(SlowSettings(cas=False)), [*holes, (1, 2)][:count]
+        one.add([flat(*at) for at in ring if at not in lacks] + [flat(1, 1)] * 2)
+        assert one.cause(1, 1) == cause
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_plane_of_a_robot_that_leans_is_held_against_the_middle_of_a_cell(axis: int) -> None:
+    at, slopes = ((2, 0), (0.5, 0.0)) if axis == 0 else ((0, 2), (0.0, 0.5))
+    leant = LEVEL._replace(slopes=slopes)  # there it lies at 0.125
+    for z, cause in ((0.02, TOO_LOW), (0.03, FLOOR)):
+        one = Map(SlowSettings(cas=False))
+        for _ in range(4):
+            one.add([flat(i, j, z) for i, j in EVERYWHERE])
+        assert one.cause(*at, body=leant) == cause
 
 
 def test_a_robot_that_leans_takes_no_lower_road_for_flat() -> None:
-    one = Map(SlowSettings())
+    one = on_floor(SlowSettings(), (2, 0), (-3, 0))
     for _ in range(4):
-        one.add([flat(2, 0, -0.15, 0.01), flat(-3, 0, 0.15, 0.01), flat(0, 2)])
+        one.add([flat(2, 0, -0.15, 0.01), flat(-3, 0, 0.15, 0.01)])
     for slope in (0.0, -0.6, 0.6):  # that plane goes through both, or past them
         leant = LEVEL._replace(slopes=(slope, 0.0))
         assert one.cause(2, 0, body=leant) in (TOO_LOW, TOO_HIGH)
@@ -187,3 +245,25 @@ def test_a_drop_at_whose_edge_a_cell_lies_is_not_hidden_by_its_highest_reading()
         one.add([flat(0, 0, -0.09, 0.1), flat(0, 0, -0.15, 0.1)])
     assert one.height(0, 0) == -0.09
     assert one.cause(0, 0) == TOO_LOW
+
+
+@pytest.mark.parametrize("size", [3, 9])
+def test_a_window_of_another_size_shows_what_lies_in_both(size: int) -> None:
+    one, window = on_floor(SlowSettings()), ObstacleWindow(size, CELL_M)
+    one.add([flat(1, 0, 0.3)])
+    one.add([flat(1, 0, 0.3)])
+    listed = np.arange(SIZE * SIZE, dtype=np.int32)
+    used = decide(listed, one.cells, LEVEL, 0.0, one.rules, window.shown, 0)
+    shown = {at: int(window.cells[at[1] % size, at[0] % size]) for at in EVERYWHERE}
+    rim = 1 if size == 3 else 2  # what has no neighbours is not free
+    assert shown[0, 0] == FREE
+    assert shown[-rim, rim] == FREE
+    assert used == np.count_nonzero(window.cells) == (2 * rim + 1) ** 2 - 1
+    assert window.cells[0, 1] == UNKNOWN  # one.cause(1, 0) == CORRUPT
+    told: U8 = np.zeros(4, np.uint8)
+    i, j = np.array([0, 1, 4, 9]), np.zeros(4, np.int64)
+    list_causes(i, j, one.cells, LEVEL, 0.0, one.rules, window.shown, told)
+    beyond = OUTSIDE if size == 3 else UNSEEN
+    assert told.tolist() == [FLOOR, CORRUPT, beyond, OUTSIDE]
+    list_causes(i, j, one.cells, LEVEL, 2.0, one.rules, window.shown, told)
+    assert told[0] == FREE_BEFORE  # it is too old by now, and has not been decided since

@@ -52,6 +52,12 @@ class Standing:
         self._next_s += after_s
         return self.maps.add(scan, self._attitudes, self._odometry)
 
+    def look(self, ranges_m: F64) -> None:
+        """At three rows of cells in turn, for what has no neighbours is not free."""
+        for share in (0.976, 1.024, 1.0):
+            for _ in range(4):
+                self.scan(share * ranges_m)
+
     def state(self, x_m: float, y_m: float) -> int:
         grid = self.maps.window.grid
         i, j = grid.cell_of(x_m, y_m)
@@ -92,8 +98,7 @@ def test_floor_a_box_and_a_pit_are_told_as_what_they_are(three_scans: bool) -> N
     robot = Standing(settings_of(three_scans=three_scans))
     ranges_m = with_box()
     ranges_m[160:190] *= 1.12
-    for _ in range(5):
-        robot.scan(ranges_m)
+    robot.look(ranges_m)
     assert robot.cause(AHEAD_M, 2.0) == FLOOR
     assert robot.cause(5.2, 0.0) == TOO_HIGH
     pit_m = 1.12 * (AHEAD_M - MOUNT_X_M) + MOUNT_X_M
@@ -106,15 +111,42 @@ def test_floor_a_box_and_a_pit_are_told_as_what_they_are(three_scans: bool) -> N
     assert robot.layer("z", AHEAD_M, 2.0) == pytest.approx(0.0, abs=1e-9)
     assert robot.layer("foothold", AHEAD_M, 2.0) != 0.0
     assert math.isnan(robot.layer("z", 1.0, 0.0))
+    assert robot.layer("slope", AHEAD_M, 2.0) < math.radians(10.0)
+    assert math.isnan(robot.layer("step", 1.0, 0.0))
+    assert robot.maps.maybe_ring("variance") is None
+    at = robot.maps.grid.cell_of(AHEAD_M, 2.0)
+    assert robot.maps.evidence(*at)["certainty of its height"] > 10
+    assert not robot.maps.is_low(*at)
+
+
+@pytest.mark.parametrize("cell_m", [0.005, 0.010, 0.015])
+def test_a_walking_robots_small_cells_and_steep_mount(cell_m: float) -> None:
+    mount = {"mount_x_m": 0.0, "mount_z_m": 0.30, "mount_tilt_deg": 55.0}
+    config = with_changes(
+        settings_of(three_scans=False, shadow_deg=0.0),
+        map={"cells": 100, "cell_m": cell_m},
+        obstacle={"window_cells": 100, "h_pos_m": 0.03, "h_neg_m": -0.03},
+        scanner=mount,
+    )
+    robot, tilt_rad = Standing(config), math.radians(55.0)
+    to_floor_m = 0.30 / math.sin(tilt_rad) / np.cos(BEARING_RAD)
+    for rise_m in (-0.02, -0.01, 0.0, 0.01):  # of all that is seen: a row of cells each
+        for _ in range(3):
+            robot.scan(np.where(abs(BEARING_RAD) < 0.1, 0.8, 1.0 - rise_m / 0.30) * to_floor_m)
+    x_m = 0.30 / math.tan(tilt_rad)
+    assert robot.cause(0.8 * x_m, 0.0) == TOO_HIGH
+    assert robot.layer("z", 0.8 * x_m, 0.0) == pytest.approx(0.06, abs=1e-9)
+    assert robot.layer("z", x_m, 0.1) == pytest.approx(0.0, abs=0.011)
+    assert robot.cause(x_m, 0.0) == UNSEEN
+    assert robot.cause(-x_m, 0.0) == UNSEEN
 
 
 def test_what_was_free_is_unknown_once_no_beam_has_met_it_for_long() -> None:
     config = with_changes(settings_of(), obstacle={"free_max_age_s": 1.0})
     robot = Standing(config)
-    for _ in range(5):
-        robot.scan(FLOOR_M)
+    robot.look(FLOOR_M)
     assert robot.state(AHEAD_M, 2.0) == FREE
-    for _ in range(60):
+    for _ in range(45):
         robot.scan(np.full(BEAMS, np.nan))
     assert robot.state(AHEAD_M, 2.0) == UNKNOWN
     assert robot.maps.ages_s(*(np.array([k]) for k in robot.maps.grid.cell_of(AHEAD_M, 2.0))) > 1.0
@@ -122,8 +154,8 @@ def test_what_was_free_is_unknown_once_no_beam_has_met_it_for_long() -> None:
 
 def test_erasing_forgets_all_and_the_scan_that_waits() -> None:
     robot = Standing(settings_of())
-    for _ in range(5):
-        robot.scan(with_box())
+    robot.look(with_box())
+    assert robot.maps.window.cells.any()
     robot.maps.erase()
     assert not robot.maps.window.cells.any()
     assert np.isnan(robot.maps.heights_m()).all()

@@ -120,7 +120,7 @@ def test_other_settings_are_not_compared_but_what_they_change_is_told(
     ("words", "said"),
     [
         (("--set", "map.cel_m=1"), "map.cel_m: unknown key; allowed are method, cells"),
-        (("--set", "map.cell_m=9"), "map.cell_m: must be a number from 0.01 to 1, is 9"),
+        (("--set", "map.cell_m=9"), "map.cell_m: must be a number from 0.005 to 1, is 9"),
         (("--set", "cells"), "must be section.key=value"),
         (("--set", "mop.x=1"), "[mop]: unknown section; allowed are loop"),
         (("--from", "99"), "--from: 99 is not within the recording, which is 3.2 s"),

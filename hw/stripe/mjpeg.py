@@ -3,9 +3,11 @@
     HTTP/1.0 200 OK | Content-Type: multipart/x-mixed-replace; boundary=B | empty line
     --B | Content-Type: image/jpeg | Content-Length: n | empty line | n bytes | --B | ...
 
-A part without Content-Length ends where the next boundary begins. Cameras differ: lines may end
-with LF alone, the boundary that is told may have its two hyphens already. Images are not decoded
-here; one whose end mark is missing is damaged. Chunked answers are refused: HTTP/1.0 has none.
+A part without Content-Length ends where the next boundary begins. Some cameras tell of each image
+when it was exposed, by a clock of their own: `X-Timestamp: 1700000000.123456`. Cameras differ:
+lines may end with LF alone, the boundary that is told may have its two hyphens already. Images are
+not decoded here; one whose end mark is missing is damaged. Chunked answers are refused: HTTP/1.0
+has none.
 Source: RFC 2046, section 5.1.1; RFC 9112; ITU-T T.81, annex B.
 """
 
@@ -20,6 +22,9 @@ HEAD_END = re.compile(rb"\r?\n\r?\n")
 STATUS = re.compile(rb"HTTP/1\.[01] (\d{3})([^\r\n]*)")
 BOUNDARY = re.compile(rb"multipart/[\w-]+\s*;.*?boundary=\"?([^\s\";,]{1,70})", re.IGNORECASE)
 LENGTH = re.compile(rb"^content-length:[ \t]*(\d{1,10})[ \t]*\r?$", re.IGNORECASE | re.MULTILINE)
+STAMP = re.compile(
+    rb"^x-timestamp:[ \t]*(\d{1,12})(?:\.(\d{1,9}))?[ \t]*\r?$", re.IGNORECASE | re.MULTILINE
+)
 CHUNKED = re.compile(rb"^transfer-encoding:[ \t]*chunked", re.IGNORECASE | re.MULTILINE)
 BEGIN, END = b"\xff\xd8", b"\xff\xd9"  # of a JPEG
 SIZES = {*range(0xC0, 0xD0)} - {0xC4, 0xC8, 0xCC}  # markers of segments that tell it
@@ -41,6 +46,7 @@ class Jpeg(Struct, frozen=True):
     data: bytes
     began_s: float  # when its part's first bytes came
     arrived_s: float  # and its last
+    stamp_us: int | None = None  # its exposure by the camera's clock; None: not told
 
 
 Event = StreamBegun | Refused | Jpeg | BadFrame
@@ -69,6 +75,18 @@ def maybe_size(jpeg: bytes) -> tuple[int, int] | None:
     return None
 
 
+def maybe_stamp_us(head: bytes) -> int | None:
+    """What a part's headers tell of its time, microseconds.
+
+    >>> maybe_stamp_us(b"X-Timestamp: 12.5")
+    12500000
+    """
+    found = STAMP.search(head)
+    if found is None:
+        return None
+    return int(found[1]) * 1_000_000 + int((found[2] or b"").ljust(6, b"0")[:6])
+
+
 def fault_of(image: bytes) -> str:
     """Why a part's bytes are no whole JPEG; "" if they seem to be one."""
     if not image.startswith(BEGIN):
@@ -89,6 +107,7 @@ class MjpegParser:
         self._mark = b""  # what begins a part; none before the answer's head
         self._is_in_part = self._is_refused = False
         self._length: int | None = None  # of the part
+        self._stamp_us: int | None = None
         self._began_s = 0.0
 
     def feed(self, now_s: float, data: bytes) -> list[Event]:
@@ -178,6 +197,7 @@ class MjpegParser:
             return self._overlong("no end of a part's headers")
         found = LENGTH.search(head)
         self._length = int(found[1]) if found else None
+        self._stamp_us = maybe_stamp_us(head)
         self._is_in_part = True
         if self._length is not None and not 0 < self._length <= self._most:
             self._is_in_part = False
@@ -204,4 +224,4 @@ class MjpegParser:
         del self._buffer[:size]
         self._searched, self._is_in_part = 0, False
         began_s, self._began_s = self._began_s, now_s
-        return Jpeg(image, began_s, now_s)
+        return Jpeg(image, began_s, now_s, self._stamp_us)

@@ -16,19 +16,20 @@ from typing import Any
 
 import numpy as np
 
-from core.records import PointSweep
+from core.records import U8, PointSweep
 from hw.device import BadFrame, Device, DeviceStatus, Port, Reopens, Session, Tick
 from hw.exchange import Exchange, StartAgainError, Steps
 from hw.stripe.images import MISSING, Decoder
 from hw.stripe.mjpeg import Jpeg, MjpegParser, Refused, StreamBegun, encode_request
 from hw.stripe.options import StripeOptions
 from hw.stripe.sweep import SweepMaker
+from hw.stripe.times import ImageTimes
 
 ANSWER_S, PAUSE_S = 3.0, 1.0
 SILENCE_PERIODS, LEAST_SILENCE_S = 8, 2.0
 PIECE = 16_384  # bytes parsed at once
 SHARE_NEWEST, LEAST_SHARE = 0.1, 0.05  # of the columns with a line: its mean, below which is doubt
-JITTER_S = 0.01  # of an image's way to us, which nothing measures
+SAME = "the same image again: the camera's picture stands still"
 
 
 class State(enum.Enum):
@@ -115,9 +116,10 @@ class StripeScanner(Device[PointSweep]):
         self._newest, self._maker = Newest(), SweepMaker(options)
         self._maker.warm()
         w, h = options.image_px
-        self._decoder, self._latency_s = Decoder((w, h)), options.latency_s
+        self._decoder, self._times = Decoder((w, h)), ImageTimes(options.latency_s)
+        self._before = b""  # the newest image's bytes: noise makes each differ from the last
         self._share = math.nan  # mean, of the columns that have a line
-        self.is_impaired, self.clock_locked = False, True  # it has no clock but ours
+        self.is_impaired, self.clock_locked = False, True  # nothing is asked of the camera's
         request = b"" if self._decoder.is_missing else encode_request(host, options.path)
         patience_s = max(LEAST_SILENCE_S, SILENCE_PERIODS / options.rate_hz)
         status = DeviceStatus("stripe")
@@ -141,12 +143,13 @@ class StripeScanner(Device[PointSweep]):
         jpeg, self._newest.maybe_jpeg = self._newest.maybe_jpeg, None
         if jpeg is None:
             return []
-        image = self._decoder.image(jpeg.data)
-        if isinstance(image, BadFrame):
-            self.status.reject(image)
-            self._newest.complaint = image.reason
+        taken = self._taken(jpeg)
+        if isinstance(taken, BadFrame):
+            self.status.reject(taken)
+            self._newest.complaint = taken.reason
             return []
-        sweep = self._maker.sweep(image, jpeg.began_s - self._latency_s, jpeg.arrived_s)
+        image, exposed_s = taken
+        sweep = self._maker.sweep(image, exposed_s, jpeg.arrived_s)
         self._newest.good_s, self._newest.complaint = now_s, ""
         self.status.heard_s = now_s
         self.status.state, self.status.cause = "running", ""
@@ -155,13 +158,24 @@ class StripeScanner(Device[PointSweep]):
         self._share = share if is_first else self._share + SHARE_NEWEST * (share - self._share)
         return [sweep]
 
+    def _taken(self, jpeg: Jpeg) -> tuple[U8, float] | BadFrame:
+        """The image and its instant; or why it is of no use."""
+        image = self._decoder.image(jpeg.data)
+        if isinstance(image, BadFrame):
+            return image
+        is_same, self._before = jpeg.data == self._before, jpeg.data
+        if is_same:
+            return BadFrame(SAME, jpeg.data)
+        exposed_s = self._times.exposed_s(jpeg)
+        return exposed_s if isinstance(exposed_s, BadFrame) else (image, exposed_s)
+
     @property
     def has_heard(self) -> bool:
         return self._newest.maybe_jpeg is not None
 
     @property
     def clock_uncertainty_s(self) -> float:
-        return JITTER_S
+        return self._times.uncertainty_s
 
     def measured(self) -> dict[str, float]:
         told = {"images_passed_over": float(self._newest.passed_over)}

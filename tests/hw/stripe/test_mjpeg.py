@@ -60,6 +60,25 @@ def test_a_stream_by_hand_is_its_images_each_at_once() -> None:
 
 
 @pytest.mark.parametrize(
+    ("line", "stamp_us"),
+    [
+        (b"X-Timestamp: 1700000000.123456", 1_700_000_000_123_456),
+        (b"x-timestamp:7", 7_000_000),
+        (b"X-Timestamp: 7.25", 7_250_000),
+        (b"X-Timestamp: -7.2", None),
+        (b"X-Timestamp: 7.5e3", None),
+        (b"X-Timestamp: ", None),
+    ],
+)
+def test_the_cameras_own_time_of_an_image_is_read_where_it_is_one(
+    line: bytes, stamp_us: int | None
+) -> None:
+    stamped = part(image(1)).replace(b"\r\n\r\n", b"\r\n" + line + b"\r\n\r\n", 1)
+    *_, with_time, without = fed(HEAD, stamped, part(image(2)))
+    assert (with_time.stamp_us, without.stamp_us) == (stamp_us, None)
+
+
+@pytest.mark.parametrize(
     "head",
     [
         b"HTTP/1.1 200 OK\nContent-Type: multipart/x-mixed-replace;boundary=--frame\n\n",

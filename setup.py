@@ -18,6 +18,7 @@ ROOMS = {"core", "hw", "fakes", "recording", "tools"} | {
 PAGE = [path.relative_to(ROOT).as_posix() for path in sorted(ROOT.glob("tools/view/page/*.*"))]
 FILES = (
     "mapod.toml",
+    "robots/ragno.toml",
     "robots/urg04lx.toml",
     "hw/mcu/mapod_link.h",
     "hw/mcu/example.c",

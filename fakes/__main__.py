@@ -33,7 +33,7 @@ def arguments() -> argparse.Namespace:
         default=0,
         help="TCP port of the scanner; 0: a free one",
     )
-    parser.add_argument("--scanner", default="lms111", help="which one it has: lms111, urg04lx")
+    parser.add_argument("--scanner", default="lms111", help="which one: lms111, urg04lx, stripe")
     parser.add_argument("--ahrs-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument("--drive-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument(

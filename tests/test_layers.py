@@ -37,7 +37,7 @@ LIBRARIES = {
     "hw": {"numpy", "msgspec", "serial", "cobs", "cv2"},  # cv2: within functions, see below
     "mapod_link": {"numpy"},
     "recording": {"numpy", "msgspec", "mcap", "zstandard"},
-    "fakes": {"numpy", "mujoco"},
+    "fakes": {"numpy", "mujoco", "PIL"},
     **{name: {"numpy", "msgspec"} for name in TOP},
 }
 CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}

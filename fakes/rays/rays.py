@@ -14,6 +14,7 @@ from fakes.rays import light as beam_light
 from fakes.rays.beam_kernels import FAR_M, Beams, aims_of, echoes_of_beams
 from fakes.rays.crossing_kernels import ways_through_box
 from fakes.rays.kernels import F64, Passers
+from fakes.rays.sight import Met, met_from
 from fakes.rays.targets import targets_from
 from fakes.scenes.movers import Mover, Part
 from fakes.scenes.scene import Scene
@@ -107,6 +108,18 @@ class Rays:
             beam_light.in_sunlight(key, *sun, azimuths, echoes)
         echoes[echoes > FAR_M] = np.nan
         return echoes if self.echoes == 2 else echoes[0]
+
+    def met(self, poses_at: Poses, t_s: float, rays: tuple[F64, F64], begin_s: float) -> Met:
+        """What any rays meet at one instant.
+
+        Args:
+            rays: where they begin (n, 3) in the body frame, and their ways (n, 3) of unit length.
+            begin_s: the instant at which the movers' time is zero.
+        """
+        (place,), (turn,) = poses_at(np.array([t_s]))
+        begins, ways = place + rays[0] @ turn.T, rays[1] @ turn.T
+        passers = self._passers.between(t_s - begin_s, t_s - begin_s)
+        return met_from(begins, ways, t_s - begin_s, self._targets, passers, GLASS_COS, FAR_M)
 
     def _among_stalks(
         self, random: np.random.Generator, begins: F64, ways: F64, behind: F64

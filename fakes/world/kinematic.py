@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.rays.rays import Rays
+from fakes.rays.sight import Met
 from fakes.scenes.scene import Scene, load_scene
 from fakes.world import robot
 from fakes.world.magnetic import distortion
@@ -146,6 +147,11 @@ class KinematicWorld:
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
         begin_s = self._now_s - self._since_begin_s(None)
         return self._rays.ranges_m(self._bodies_at, times_s, bearings_rad, begin_s)
+
+    def met(self, t_s: float, begins_body: F64, ways_body: F64) -> Met:
+        """What rays (n, 3) of the body frame meet at an instant gone by."""
+        begin_s = self._now_s - self._since_begin_s(None)
+        return self._rays.met(self._bodies_at, t_s, (begins_body, ways_body), begin_s)
 
     def _bodies_at(self, times_s: F64) -> tuple[F64, F64]:
         rows = self._rows_at(times_s)

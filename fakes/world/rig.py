@@ -14,6 +14,7 @@ from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from fakes.mti.device import FakeMti
 from fakes.scenes.scene import Scene
+from fakes.stripe.device import FakeStripe
 from fakes.urg04lx.device import FakeUrg04lx
 from fakes.world.driver import Driver
 from fakes.world.error_models import ErrorModels
@@ -30,14 +31,17 @@ LOAD_A = 12.0  # of a motor of this robot at full power
 class Scanner:
     """A scanner that may stand on the robot, and how it is mounted there."""
 
-    make: Callable[[Callable[[float, F64, F64], F64], int], FakeLms111 | FakeUrg04lx]
+    make: Callable[["Rig", int], FakeLms111 | FakeUrg04lx | FakeStripe]
     tilt_deg: float = LENS_TILT_DEG
 
 
 DEFAULT_SCANNER = "lms111"
 SCANNERS = {  # by the name of the driver that speaks to it
-    "lms111": Scanner(FakeLms111),
-    "urg04lx": Scanner(lambda truth, seed: FakeUrg04lx(truth, seed, "URG-04LX-UG01"), 16.0),
+    "lms111": Scanner(lambda rig, seed: FakeLms111(rig.ranges_m_at, seed)),
+    "urg04lx": Scanner(
+        lambda rig, seed: FakeUrg04lx(rig.ranges_m_at, seed, "URG-04LX-UG01"), tilt_deg=16.0
+    ),
+    "stripe": Scanner(lambda rig, seed: FakeStripe(rig.world.met, seed)),
 }
 
 
@@ -65,15 +69,17 @@ class Rig:
         scanner: str = DEFAULT_SCANNER,
     ) -> None:
         on_robot = SCANNERS[scanner]
+        self.world: AnyWorld
         if isinstance(scene, AnyWorld):
             self.world = scene
         else:
             self.world = World(scene, seed, errors, on_robot.tilt_deg)
-        self.scanner: Any = on_robot.make(self._ranges_m_at, seed)
+        self.scanner: Any = on_robot.make(self, seed)
         self.ahrs = FakeMti(self.world.motion_at, seed + 1)
         errors = self.world.errors
         share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)
-        self.scanner.offset_m = errors.range_offset_m * float(share)
+        if not isinstance(self.scanner, FakeStripe):  # measures no time of light
+            self.scanner.offset_m = errors.range_offset_m * float(share)
         self.ahrs.sheet_errors = errors.ahrs_sheet_errors
         if self.world.scene.steels:
             self.ahrs.distortion_at = self.world.distortion_at
@@ -88,7 +94,7 @@ class Rig:
             start_delay_s,
         )
 
-    def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+    def ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
         return self.world.ranges_m(times_s, bearings_rad)
 
     def step(self, now_s: float) -> None:

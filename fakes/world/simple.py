@@ -8,6 +8,8 @@ import re
 
 import numpy as np
 
+from fakes.rays.kernels import PLAIN
+from fakes.rays.sight import Met
 from fakes.world.rotations import F64
 
 AHEAD_M, BEHIND_M, LEFT_M, RIGHT_M = 5.0, 3.0, 2.5, 2.0  # walls of the room, from the lens
@@ -19,6 +21,7 @@ COUNTS_PER_S = 2122.0  # of a wheel at full power
 MOTOR_S = 0.15  # time constant of a motor
 
 ROOMS = ("room", "empty", "wall:METRES")
+GROUNDS = ("floor", "wall:METRES")
 MOTIONS = ("still", "turning", "swaying")
 
 
@@ -46,6 +49,35 @@ class Room:
                 return np.minimum(along, across)
             ranges_m = np.where(c > 0, self._wall_m / c, np.nan)
         return np.where(ranges_m < FAR_M, ranges_m, np.nan)
+
+
+class Ground:
+    """What a camera sees: the ground under a robot, `floor`, or with a wall on it, `wall:0.8`,
+    that far ahead of the body's origin.
+
+    Raises:
+        ValueError: no such scene.
+    """
+
+    def __init__(self, scene: str) -> None:
+        found = re.fullmatch(r"floor|wall:(\d+(?:\.\d*)?)", scene)
+        if found is None:
+            raise ValueError(f"no scene {scene!r}; there are {', '.join(GROUNDS)}, or a world's")
+        self._wall_m = float(found[1]) if found[1] else math.inf
+
+    def met(self, t_s: float, begins_body: F64, ways_body: F64) -> Met:
+        """What rays (n, 3) of the body frame meet, which is the map's."""
+        (x, _, z), (way_x, _, way_z) = begins_body.T, ways_body.T
+        with np.errstate(divide="ignore"):
+            floor_m = np.where(way_z < 0, -z / way_z, np.inf)
+            wall_m = np.where(way_x > 0, (self._wall_m - x) / way_x, np.inf)
+        is_wall = wall_m < floor_m
+        ranges_m = np.minimum(floor_m, wall_m)
+        ranges_m[ranges_m > FAR_M] = np.inf
+        points = begins_body + np.where(np.isfinite(ranges_m), ranges_m, 0.0)[:, None] * ways_body
+        normals = np.where(is_wall[:, None], np.array([-1.0, 0.0, 0.0]), np.array([0.0, 0.0, 1.0]))
+        plain = np.full(len(x), PLAIN, dtype=np.int64)
+        return Met(ways_body, ranges_m, points, normals, is_wall.astype(np.int64), plain)
 
 
 class Motion:

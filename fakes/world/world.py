@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.rays.rays import Rays
+from fakes.rays.sight import Met
 from fakes.scenes.scene import Scene, load_scene
 from fakes.world import robot
 from fakes.world.crowd import Crowd
@@ -236,6 +237,11 @@ class World:
         """
         begin_s = self._now_s - self._since_begin_s(None)
         return self._rays.ranges_m(self._poses, times_s, bearings_rad, begin_s)
+
+    def met(self, t_s: float, begins_body: F64, ways_body: F64) -> Met:
+        """What rays (n, 3) of the body frame meet at an instant of the last second."""
+        begin_s = self._now_s - self._since_begin_s(None)
+        return self._rays.met(self._poses, t_s, (begins_body, ways_body), begin_s)
 
     def _poses(self, times_s: F64) -> tuple[F64, F64]:
         begin_s = self._now_s - self._since_begin_s(None)

@@ -75,8 +75,8 @@ class WatchedRig(Rig):
         self.seen = seen
         super().__init__(*arguments, **named)
 
-    def _ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
-        ranges_m = super()._ranges_m_at(t_first_s, times_s, bearings_rad)
+    def ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
+        ranges_m = super().ranges_m_at(t_first_s, times_s, bearings_rad)
         self.seen.note(self.world, times_s, bearings_rad, np.atleast_2d(ranges_m)[0])
         return ranges_m
 

@@ -1,0 +1,1 @@
+"""Tests of the fake camera with a laser."""

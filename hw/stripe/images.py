@@ -12,6 +12,7 @@ import numpy as np
 
 from core.records import U8
 from hw.device import BadFrame
+from hw.stripe.jpeg import fault_of_image, warm
 from hw.stripe.mjpeg import maybe_size
 
 MISSING = "images need OpenCV, which is not installed: pip install 'mapod[camera]'"
@@ -37,6 +38,7 @@ class Decoder:
 
     def __init__(self, image_px: tuple[int, int]) -> None:
         self._image_px, self._opencv = image_px, maybe_opencv()
+        warm()
 
     @property
     def is_missing(self) -> bool:
@@ -44,12 +46,18 @@ class Decoder:
         return self._opencv is None
 
     def image(self, data: bytes) -> U8 | BadFrame:
-        """The image (h, w, 3), blue green red. A JPEG of another size is not decoded at all."""
-        size = maybe_size(data) if data.startswith(b"\xff\xd8") else self._image_px
+        """The image (h, w, 3), blue green red.
+
+        A JPEG of another size, or one that is not whole, is not decoded at all.
+        """
+        is_jpeg = data.startswith(b"\xff\xd8")
+        size = maybe_size(data) if is_jpeg else self._image_px
         if size is None:
             return BadFrame("a JPEG that tells no size", data)
         if size != self._image_px:
             return BadFrame(self._wrong(size), data)
+        if is_jpeg and (why := fault_of_image(data)):
+            return BadFrame(why, data)
         cv2 = self._opencv
         try:
             decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)

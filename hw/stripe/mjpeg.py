@@ -44,7 +44,7 @@ class Jpeg(Struct, frozen=True):
     """A whole image, as bytes."""
 
     data: bytes
-    began_s: float  # when its part's first bytes came
+    began_s: float  # when its part's first bytes came, behind the boundary
     arrived_s: float  # and its last
     stamp_us: int | None = None  # its exposure by the camera's clock; None: not told
 
@@ -111,8 +111,8 @@ class MjpegParser:
         self._began_s = 0.0
 
     def feed(self, now_s: float, data: bytes) -> list[Event]:
-        if not self._buffer:
-            self._began_s = now_s
+        if not self._is_in_part and self._buffer.strip() in (b"", self._mark):
+            self._began_s = now_s  # some send the boundary right behind the image before
         self._buffer += data
         events: list[Event] = []
         while self._buffer and not self._is_refused:

@@ -28,7 +28,7 @@ from hw.stripe.times import ImageTimes
 ANSWER_S, PAUSE_S = 3.0, 1.0
 SILENCE_PERIODS, LEAST_SILENCE_S = 8, 2.0
 PIECE = 16_384  # bytes parsed at once
-SHARE_NEWEST, LEAST_SHARE = 0.1, 0.05  # of the columns with a line: its mean, below which is doubt
+SHARE_S, LEAST_SHARE = 0.2, 0.05  # of the columns with a line: its mean, below which is doubt
 SAME = "the same image again: the camera's picture stands still"
 
 
@@ -105,6 +105,8 @@ class StripeSession:
         for event in tick.events:
             if isinstance(event, Jpeg):
                 self._newest.take(event)
+            elif isinstance(event, BadFrame):
+                self._newest.complaint = event.reason
         return tick.events
 
 
@@ -118,7 +120,7 @@ class StripeScanner(Device[PointSweep]):
         w, h = options.image_px
         self._decoder, self._times = Decoder((w, h)), ImageTimes(options.latency_s)
         self._before = b""  # the newest image's bytes: noise makes each differ from the last
-        self._share = math.nan  # mean, of the columns that have a line
+        self._share, self._share_s = 0.0, -math.inf  # of the columns with a line; as of when
         self.is_impaired, self.clock_locked = False, True  # nothing is asked of the camera's
         request = b"" if self._decoder.is_missing else encode_request(host, options.path)
         patience_s = max(LEAST_SILENCE_S, SILENCE_PERIODS / options.rate_hz)
@@ -138,7 +140,7 @@ class StripeScanner(Device[PointSweep]):
         )
 
     def step(self, now_s: float) -> list[PointSweep]:
-        """The sweep of the newest image since the last step."""
+        """The sweep of the newest image since the last step; none while there is a doubt."""
         super().step(now_s)
         jpeg, self._newest.maybe_jpeg = self._newest.maybe_jpeg, None
         if jpeg is None:
@@ -151,12 +153,18 @@ class StripeScanner(Device[PointSweep]):
         image, exposed_s = taken
         sweep = self._maker.sweep(image, exposed_s, jpeg.arrived_s)
         self._newest.good_s, self._newest.complaint = now_s, ""
-        self.status.heard_s = now_s
         self.status.state, self.status.cause = "running", ""
-        share = float(np.isfinite(sweep.ranges_m).mean())
-        is_first = math.isnan(self._share)
-        self._share = share if is_first else self._share + SHARE_NEWEST * (share - self._share)
+        self._learn_share(now_s, float(np.isfinite(sweep.ranges_m).mean()))
+        if self.doubt:  # who sees nothing is as good as silent: what was free is not told any more
+            return []
+        self.status.heard_s = now_s
         return [sweep]
+
+    def _learn_share(self, now_s: float, share: float) -> None:
+        """Its mean over some time, however many images come in that."""
+        weight = 1.0 - math.exp((self._share_s - now_s) / SHARE_S)
+        self._share, self._share_s = self._share + weight * (share - self._share), now_s
+        self.is_impaired = bool(self.doubt)
 
     def _taken(self, jpeg: Jpeg) -> tuple[U8, float] | BadFrame:
         """The image and its instant; or why it is of no use."""
@@ -164,7 +172,8 @@ class StripeScanner(Device[PointSweep]):
         if isinstance(image, BadFrame):
             return image
         is_same, self._before = jpeg.data == self._before, jpeg.data
-        if is_same:
+        stripe = self._maker.maybe_stripe
+        if is_same and stripe is not None and stripe.share > 0.0:  # white all over has no noise
             return BadFrame(SAME, jpeg.data)
         exposed_s = self._times.exposed_s(jpeg)
         return exposed_s if isinstance(exposed_s, BadFrame) else (image, exposed_s)
@@ -189,7 +198,7 @@ class StripeScanner(Device[PointSweep]):
 
     @property
     def doubt(self) -> str:
-        if self._share < LEAST_SHARE:
+        if self._share < LEAST_SHARE and self.status.state == "running":
             return "the camera sees no line of the laser: is that on, and its colour right?"
         return ""
 

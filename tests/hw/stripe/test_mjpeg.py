@@ -49,6 +49,16 @@ def bad_of(events: Sequence[Any]) -> list[str]:
     return [event.reason for event in events if isinstance(event, BadFrame)]
 
 
+@pytest.mark.parametrize("behind", [b"\r\n--frame\r\n", b"\r\n--frame", b"\n--frame\n"])
+def test_an_image_begins_with_its_own_bytes_where_the_boundary_came_before(behind: bytes) -> None:
+    parser, mark = MjpegParser(MOST), b"--frame\r\n"
+    body = part(image(1)).removeprefix(mark).removesuffix(b"\r\n")
+    begins = b"" if behind.endswith(b"\n") else b"\r\n"
+    parser.feed(1.0, HEAD + behind)
+    told = [parser.feed(float(k), begins + body + behind) for k in (2, 3, 4)]
+    assert told == [[Jpeg(image(1), float(k), float(k))] for k in (2, 3, 4)]
+
+
 def test_a_stream_by_hand_is_its_images_each_at_once() -> None:
     parser = MjpegParser(MOST)
     assert parser.feed(1.0, HEAD) == [StreamBegun()]

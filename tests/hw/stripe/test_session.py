@@ -118,14 +118,20 @@ def test_damaged_images_are_counted_and_the_next_is_measured() -> None:
     assert len(bench.run(part(NEAR))) == 1
 
 
-def test_without_a_line_there_is_no_point_and_nobody_may_drive_by_it() -> None:
+def test_without_a_line_it_is_as_good_as_silent_and_nobody_may_drive_by_it() -> None:
     bench = begun()
-    (sweep,) = bench.run(part(DARK))
-    assert np.isnan(sweep.ranges_m).all()
+    assert bench.run(part(DARK)) == []
+    assert bench.told == ("running", "")
     assert "sees no line" in bench.scanner.doubt
-    for _ in range(20):
-        bench.run(part(NEAR))
+    assert bench.scanner.is_impaired
+    sweeps = [bench.run(part(data), 0.1) for data in (NEAR, AGAIN) * 2]
+    assert all(sweeps[1:])  # the first one is weighed by 5 ms
     assert bench.scanner.doubt == ""
+    for _ in range(10):
+        bench.run(part(DARK), 0.1)  # the same one: black all over has no noise
+    assert bench.scanner.status.rejected == 0
+    assert bench.run(part(DARK)) == []
+    assert "sees no line" in bench.scanner.doubt
 
 
 def test_silence_and_refusals_are_told_and_it_asks_again() -> None:

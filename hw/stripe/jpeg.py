@@ -1,0 +1,196 @@
+"""Whether a JPEG has all of its image: its codes are followed to their end, and nothing is decoded.
+
+A decoder makes an image of whatever it gets. Where bytes are missing in the middle, as a camera's
+own bus loses them, all that comes behind moves up: a line is then seen where none is. So the
+image's blocks are counted. What is lost within one block, and costs none, may stay unseen.
+
+Baseline JPEG with one scan, as web cameras send it; any other can't be checked, and is told as
+such.
+Source: ITU-T T.81, annexes B and F.
+"""
+
+import numpy as np
+from msgspec import Struct
+
+from core.records import I32, U8
+from jit import kernel
+
+BASELINE = (0xC0, 0xC1)
+OTHERS = {*range(0xC2, 0xD0)} - {0xC4, 0xC8, 0xCC}  # progressive, lossless and the like
+TABLES, RESTART, SCAN = 0xC4, 0xDD, 0xDA
+LENGTHS, SYMBOLS = 17, 256  # of codes, 1..16; of a table
+KINDS = 8  # of tables: four for a block's first number, four for its others
+MOST_BLOCKS = 10  # in a unit
+UNCHECKED = "a JPEG that can't be checked: it is no baseline one of one scan, or lacks its tables"
+TORN = "a JPEG that lacks part of its image"
+
+
+class Tables(Struct, frozen=True, eq=False):
+    """Huffman codes by kind and length."""
+
+    firsts: I32  # (KINDS, LENGTHS) the first code of a length,
+    counts: I32  # (KINDS, LENGTHS) how many there are,
+    places: I32  # (KINDS, LENGTHS) and where their symbols begin
+    symbols: U8  # (KINDS, SYMBOLS)
+
+
+class Frame(Struct):
+    """What the segments before the scan tell."""
+
+    size: tuple[int, int] = (0, 0)  # width and height
+    samplings: dict[int, tuple[int, int]] = {}  # of a component, across and down
+    restart: int = 0  # units between two restarts; 0: none
+    known: set[int] = set()  # kinds of tables that came
+
+
+def fault_of_image(data: bytes) -> str:
+    """Why a JPEG is not whole; "" if it is."""
+    tables, frame, at = no_tables(), Frame(), 2
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker == 0xFF:  # filling
+            at += 1
+            continue
+        length = int.from_bytes(data[at + 2 : at + 4], "big")
+        segment = data[at + 4 : at + 2 + length]
+        if marker in OTHERS or length < 2 or len(segment) != length - 2:
+            return UNCHECKED
+        if marker == SCAN:
+            return _fault_of_scan(data, at + 2 + length, segment, frame, tables)
+        if not _take_in(marker, segment, frame, tables):
+            return UNCHECKED
+        at += 2 + length
+    return UNCHECKED
+
+
+def no_tables() -> Tables:
+    firsts, counts, places = np.zeros((3, KINDS, LENGTHS), np.int32)
+    return Tables(firsts, counts, places, np.zeros((KINDS, SYMBOLS), np.uint8))
+
+
+def warm() -> None:
+    """Run the kernel once, so that it is not compiled while a robot drives."""
+    one, plan = no_tables(), np.zeros((1, 2), np.int32)
+    end = np.frombuffer(b"\xff\xd9", np.uint8)
+    is_whole(end, 0, one.firsts, one.counts, one.places, one.symbols, plan, 0, 0)
+
+
+def _take_in(marker: int, segment: bytes, frame: Frame, tables: Tables) -> bool:
+    """What a segment tells; False if that can't be."""
+    if marker in BASELINE:
+        if len(segment) < 6 or len(segment) != 6 + 3 * segment[5]:
+            return False
+        frame.size = int.from_bytes(segment[3:5], "big"), int.from_bytes(segment[1:3], "big")
+        for one in range(6, len(segment), 3):
+            frame.samplings[segment[one]] = segment[one + 1] >> 4, segment[one + 1] & 15
+        return all(1 <= part <= 4 for pair in frame.samplings.values() for part in pair)
+    if marker == RESTART:
+        frame.restart = int.from_bytes(segment, "big")
+        return len(segment) == 2
+    while marker == TABLES and segment:
+        counts = segment[1:LENGTHS]
+        kind, symbols = _kind(segment[0]), segment[LENGTHS : LENGTHS + sum(counts)]
+        if kind < 0 or len(counts) != 16 or len(symbols) != sum(counts) or len(symbols) > SYMBOLS:
+            return False
+        code = place = 0
+        for size, count in enumerate(counts, 1):
+            tables.firsts[kind, size], tables.counts[kind, size] = code, count
+            tables.places[kind, size] = place
+            code, place = (code + count) * 2, place + count
+            if code > 2 << size:
+                return False
+        tables.symbols[kind, : len(symbols)] = np.frombuffer(symbols, np.uint8)
+        frame.known.add(kind)
+        segment = segment[LENGTHS + len(symbols) :]
+    return True
+
+
+def _kind(told: int) -> int:
+    """Which table is meant by its class and number; -1: none."""
+    return (told >> 4) * 4 + (told & 15) if told >> 4 < 2 and told & 15 < 4 else -1
+
+
+def _fault_of_scan(data: bytes, at: int, segment: bytes, frame: Frame, tables: Tables) -> str:
+    """The same of the scan that begins there."""
+    count = segment[0] if segment else 0
+    if not frame.samplings or count != len(frame.samplings) or len(segment) != 4 + 2 * count:
+        return UNCHECKED
+    blocks: list[tuple[int, int]] = []
+    for one in range(1, 1 + 2 * count, 2):
+        across, down = frame.samplings.get(segment[one], (0, 0))
+        if count == 1:
+            across = down = 1
+        first, others = _kind(segment[one + 1] >> 4), _kind(0x10 | segment[one + 1] & 15)
+        if across == 0 or not {first, others} <= frame.known:
+            return UNCHECKED
+        blocks += [(first, others)] * (across * down)
+    if len(blocks) > MOST_BLOCKS:
+        return UNCHECKED
+    most_across, most_down = (max(pair[k] for pair in frame.samplings.values()) for k in (0, 1))
+    if count == 1:
+        most_across = most_down = 1
+    (w, h), wide, high = frame.size, 8 * most_across, 8 * most_down
+    units = -(-w // wide) * -(-h // high)
+    plan = np.array(blocks, dtype=np.int32)
+    image = np.frombuffer(data, np.uint8)
+    codes = tables.firsts, tables.counts, tables.places, tables.symbols
+    return "" if is_whole(image, at, *codes, plan, units, frame.restart) else TORN
+
+
+@kernel
+def is_whole(
+    data: U8, at: int, firsts: I32, counts: I32, places: I32, symbols: U8, plan: I32,
+    units: int, restart: int,
+) -> bool:  # fmt: skip
+    """Whether so many units of blocks end where the data do.
+
+    Args:
+        data: (n,) the file; its scan begins at `at`.
+        plan: (blocks of a unit, 2) kinds of tables.
+        restart: units between two restarts, or 0.
+    """
+    bits, held = 0, 0  # read and not used yet
+    end = len(data)
+    for unit in range(units):
+        if restart > 0 and unit > 0 and unit % restart == 0:
+            bits, held = 0, 0
+            if at + 1 >= end or data[at] != 0xFF or not 0xD0 <= data[at + 1] <= 0xD7:
+                return False
+            at += 2
+        for block in range(len(plan)):
+            number = 0  # of those of the block
+            while number < 64:
+                kind = plan[block, 0 if number == 0 else 1]
+                code, size, symbol = 0, 0, -1
+                while size < 16 and symbol < 0:
+                    if held == 0:
+                        if at >= end or (data[at] == 0xFF and (at + 1 >= end or data[at + 1] != 0)):
+                            return False  # at a marker
+                        bits, held = int(data[at]), 8
+                        at += 2 if data[at] == 0xFF else 1
+                    held -= 1
+                    code, size = 2 * code + ((bits >> held) & 1), size + 1
+                    off = code - firsts[kind, size]
+                    if 0 <= off < counts[kind, size]:
+                        symbol = int(symbols[kind, places[kind, size] + off])
+                if symbol < 0:
+                    return False  # no such code
+                value_bits = symbol & 15
+                if number == 0:
+                    value_bits = symbol
+                    number = 1
+                elif symbol == 0:  # no others
+                    number = 64
+                else:
+                    number += (symbol >> 4) + 1
+                if number > 64 or value_bits > 15:
+                    return False
+                while held < value_bits:  # skipped
+                    if at >= end or (data[at] == 0xFF and (at + 1 >= end or data[at + 1] != 0)):
+                        return False
+                    bits, held = (bits << 8 | int(data[at])) & 0xFFFFFF, held + 8
+                    at += 2 if data[at] == 0xFF else 1
+                held -= value_bits
+    while at + 1 < end and data[at] == 0xFF and data[at + 1] == 0xFF:
+        at += 1  # filling
+    return bool(at + 1 < end and data[at] == 0xFF and data[at + 1] == 0xD9)

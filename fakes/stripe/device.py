@@ -101,8 +101,8 @@ class FakeStripe(Faults):
     def exchange(self, now_s: float, received: bytes) -> bytes:
         return self._only.exchange(now_s, received)
 
-    def advance(self, now_s: float) -> None:
-        """Expose all images that are due."""
+    def advance(self, now_s: float) -> float:
+        """Expose all images that are due by an instant, which it gives back."""
         if now_s - self._next_s > MOST_BEHIND_S:
             self._next_s = now_s
         while self._next_s <= now_s:
@@ -111,6 +111,7 @@ class FakeStripe(Faults):
             watching = [client for client in self._clients if client.is_watching]
             if watching and not self.gone:
                 self._show(exposed_s, watching)
+        return now_s
 
     def _show(self, exposed_s: float, watching: list[Client]) -> None:
         if not self.frozen or not self._jpeg:

@@ -203,6 +203,19 @@ def test_the_hokuyo_scanner_changes_its_rate_on_a_pty_and_answers_over_tcp_too(
         assert asked(client.fileno(), b"%ST\n", b"\n\n") == b"%ST\n00P\n000@\n\n"
 
 
+@pytest.mark.parametrize(
+    ("program", "name"), [("fakes.programs.stripe", "stripe"), ("fakes", "scanner")]
+)
+def test_a_camera_with_a_laser_streams_alone_and_in_the_rig(
+    start: Start, program: str, name: str
+) -> None:
+    options = ("--port", "0") if name == "stripe" else ("--scanner", "stripe", "--all-tcp")
+    with start(program, *options).connect(name) as client:
+        client.sendall(b"GET /stream HTTP/1.0\r\n\r\n")
+        got = read_until(lambda got: got.count(b"\xff\xd9\r\n--imagefollows") > 2, client.fileno())
+    assert got.startswith(b"HTTP/1.0 200 OK\r\n")
+
+
 def test_the_list_of_faults_tells_all_and_ends() -> None:
     done = ended("fakes.programs.ax3500", "--list-faults")
     names = [line.split()[0] for line in done.stdout.splitlines()]

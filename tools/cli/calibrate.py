@@ -1,4 +1,7 @@
-"""Where the scanner sits, from flat floor. (`mapod calibrate range`: how far off its ranges are.)
+"""Where the scanner sits, from flat floor.
+
+`mapod calibrate range`: how far off its ranges are; `mapod calibrate stripe`: where a laser's plane
+lies to its camera.
 
 Reads the scanner and the attitude sensor of mapod.toml for a while, and estimates the lens's height
 and the scanner's tilt and roll from what is floor. It moves nothing: turn the robot on the spot, or
@@ -25,7 +28,7 @@ from tools.calibration.mount import (
     reads_m,
 )
 from tools.calibration.noted import with_note
-from tools.cli import calibrate_range
+from tools.cli import calibrate_range, calibrate_stripe
 from tools.cli.options import fail, number_in, parser_of
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
@@ -186,6 +189,8 @@ def main(given: list[str] | None = None) -> int:
     given = sys.argv[1:] if given is None else given
     if given[:1] == ["range"]:
         return calibrate_range.main(given[1:])
+    if given[:1] == ["stripe"]:
+        return calibrate_stripe.main(given[1:])
     options = arguments(given)
     try:
         text = options.config.read_bytes().decode("utf-8")

@@ -16,7 +16,15 @@ from tools.cli.command import COMMANDS, help_text, main
 
 
 def test_every_file_of_a_command_is_in_the_table_and_in_the_help() -> None:
-    parts = {"__init__", "calibrate_range", "command", "conversation", "options", "scip"}
+    parts = {
+        "__init__",
+        "calibrate_range",
+        "calibrate_stripe",
+        "command",
+        "conversation",
+        "options",
+        "scip",
+    }
     files = {path.stem for path in (ROOT / "tools" / "cli").glob("*.py")} - parts
     assert files == {file.partition(":")[0] for file, _ in COMMANDS.values()}
     assert all(re.search(rf"^  {name} ", help_text(), re.MULTILINE) for name in COMMANDS)

@@ -138,6 +138,41 @@ def _fault_of_scan(data: bytes, at: int, segment: bytes, frame: Frame, tables: T
 
 
 @kernel
+def next_byte(data: U8, at: int) -> tuple[int, int]:
+    """A byte of the scan, -1 at a marker or the end, and where the next one is."""
+    if at >= len(data):
+        return -1, at
+    if data[at] != 0xFF:
+        return int(data[at]), at + 1
+    return (0xFF, at + 2) if at + 1 < len(data) and data[at + 1] == 0 else (-1, at)
+
+
+@kernel
+def next_symbol(
+    data: U8, at: int, bits: int, held: int,
+    firsts: I32, counts: I32, places: I32, symbols: U8,
+) -> tuple[int, int, int, int]:  # fmt: skip
+    """What the next code stands for, -1: none; then `at`, and the bits held that are not used.
+
+    Args:
+        firsts, counts, places, symbols: of one table.
+    """
+    code = 0
+    for size in range(1, LENGTHS):
+        if held == 0:
+            bits, at = next_byte(data, at)
+            held = 8
+            if bits < 0:
+                return -1, at, 0, 0
+        held -= 1
+        code = 2 * code + ((bits >> held) & 1)
+        off = code - firsts[size]
+        if 0 <= off < counts[size]:
+            return int(symbols[places[size] + off]), at, bits, held
+    return -1, at, bits, held
+
+
+@kernel
 def is_whole(
     data: U8, at: int, firsts: I32, counts: I32, places: I32, symbols: U8, plan: I32,
     units: int, restart: int,
@@ -160,37 +195,20 @@ def is_whole(
         for block in range(len(plan)):
             number = 0  # of those of the block
             while number < 64:
-                kind = plan[block, 0 if number == 0 else 1]
-                code, size, symbol = 0, 0, -1
-                while size < 16 and symbol < 0:
-                    if held == 0:
-                        if at >= end or (data[at] == 0xFF and (at + 1 >= end or data[at + 1] != 0)):
-                            return False  # at a marker
-                        bits, held = int(data[at]), 8
-                        at += 2 if data[at] == 0xFF else 1
-                    held -= 1
-                    code, size = 2 * code + ((bits >> held) & 1), size + 1
-                    off = code - firsts[kind, size]
-                    if 0 <= off < counts[kind, size]:
-                        symbol = int(symbols[kind, places[kind, size] + off])
-                if symbol < 0:
-                    return False  # no such code
-                value_bits = symbol & 15
-                if number == 0:
-                    value_bits = symbol
-                    number = 1
-                elif symbol == 0:  # no others
-                    number = 64
-                else:
-                    number += (symbol >> 4) + 1
-                if number > 64 or value_bits > 15:
+                kind = plan[block, min(number, 1)]
+                symbol, at, bits, held = next_symbol(
+                    data, at, bits, held, firsts[kind], counts[kind], places[kind], symbols[kind]
+                )
+                size = symbol if number == 0 else symbol & 15  # of the number itself, in bits
+                number += 1 if number == 0 else (64 if symbol == 0 else (symbol >> 4) + 1)
+                if symbol < 0 or size > 15 or (number > 64 and symbol != 0):
                     return False
-                while held < value_bits:  # skipped
-                    if at >= end or (data[at] == 0xFF and (at + 1 >= end or data[at + 1] != 0)):
+                while held < size:  # skipped
+                    byte, at = next_byte(data, at)
+                    if byte < 0:
                         return False
-                    bits, held = (bits << 8 | int(data[at])) & 0xFFFFFF, held + 8
-                    at += 2 if data[at] == 0xFF else 1
-                held -= value_bits
+                    bits, held = (bits << 8 | byte) & 0xFFFFFF, held + 8
+                held -= size
     while at + 1 < end and data[at] == 0xFF and data[at + 1] == 0xFF:
         at += 1  # filling
     return bool(at + 1 < end and data[at] == 0xFF and data[at + 1] == 0xD9)

@@ -262,5 +262,5 @@ class StateLog:
             **self._planners.counters,
             drives_obeyed=requests.accepted,
             drives_refused=requests.refused.total(),
-            poses_outlying=self._mapper.odometry.positioning.outliers,
+            poses_outlying=self._mapper.odometry.outliers,
         )

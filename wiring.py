@@ -68,7 +68,8 @@ def no_ports(config: Config) -> Ports:
 
 def check_ports(config: Config) -> None:
     """ConfigError for a URL that names no port, one for two, or seven bits where all are needed."""
-    given = [(name, getattr(config, name).port) for name in ("scanner", "ahrs", "drive")]
+    given = [("scanner", config.scanner.port), ("ahrs", config.ahrs.port)]
+    given += [("drive", config.drive.port)] if config.drive.port else []
     given += [("planner", url) for url in config.planner.ports]
     given += [("modbus", url) for url in config.modbus.ports]
     lines: dict[str, str] = {}  # by the path of a serial line: whose it is
@@ -103,7 +104,7 @@ def open_ports(config: Config) -> Ports:
     return Ports(
         opened("scanner", config.scanner.port),
         opened("ahrs", config.ahrs.port),
-        opened("drive", config.drive.port),
+        opened("drive", config.drive.port) if config.drive.port else NoPort(),
         opened("planner", config.planner.ports[0]),
         tuple(opened("planner", url) for url in config.planner.ports[1:]),
     )

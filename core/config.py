@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 import msgspec
 from msgspec import Meta, Struct
 
+from core.allowed import allowed
 from core.map_settings import Certainty, Ground, Map, Obstacle
 from core.records import ScannerSpec
 
@@ -21,6 +22,7 @@ Hz = Annotated[float, Meta(gt=0, le=1000)]
 Degrees = Annotated[float, Meta(ge=-180, le=180)]
 Offset = Annotated[float, Meta(ge=-5, le=5)]
 Port = Annotated[str, Meta(min_length=1)]
+NO_DRIVE = "none"  # the driver of [drive] where nothing commands motors or counts wheels
 
 Keys = Mapping[str, Any]
 Drivers = Mapping[str, Mapping[str, type[Struct]]]  # by section and driver: its own keys
@@ -98,11 +100,17 @@ class Ahrs(Struct, frozen=True):
     options: Options
 
 
+class Motion(Struct, frozen=True, forbid_unknown_fields=True):
+    """What tells where the body is."""
+
+    source: Literal["wheels", "external", "rail"]
+
+
 class Drive(Struct, frozen=True):
     """The motor controller, of which the encoder counters are read, and which moves the wheels."""
 
     driver: str
-    port: Port
+    port: str  # "" where there is none
     full_power_mps: Annotated[float, Meta(ge=0.01, le=20)]
     options: Options
 
@@ -158,6 +166,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     robot: Robot
     scanner: Scanner
     ahrs: Ahrs
+    motion: Motion
     drive: Drive
     map: Map
     obstacle: Obstacle
@@ -194,6 +203,9 @@ def _bring_up_to_date(table: dict[str, Any]) -> list[str]:
             if value not in ("mean", "kalman"):
                 raise ConfigError(f"map.cell_value: must be 'mean' or 'kalman', is {value!r}")
             changed.append("map.cell_value: is gone, every cell is filtered")
+    if "motion" not in table:
+        table["motion"] = {"source": "wheels"}
+        changed.append('motion.source: is new, "wheels" is what there was before')
     return changed
 
 
@@ -260,7 +272,7 @@ def _checked(section: str, given: Keys, kind: type[Struct]) -> Struct:
             raise ConfigError(f"{section}.{error.__cause__}") from None
         key = str(error).rpartition("`$.")[2].rstrip("`").partition("[")[0]
         raise ConfigError(
-            f"{section}.{key}: must be {_allowed(_fields(kind)[key])}, is {given[key]!r}"
+            f"{section}.{key}: must be {allowed(_fields(kind)[key])}, is {given[key]!r}"
         ) from None
 
 
@@ -316,42 +328,6 @@ def _faulty_keys(
     ]
 
 
-def _allowed(field_type: Any) -> str:
-    info = msgspec.inspect.type_info(field_type)
-    if isinstance(info, msgspec.inspect.Metadata):
-        info = info.type
-    match info:
-        case msgspec.inspect.ListType(item_type=msgspec.inspect.IntType()):
-            return f"a list of whole numbers {_span(info.item_type)}"
-        case msgspec.inspect.ListType(item_type=msgspec.inspect.FloatType()):
-            return f"a list of {info.min_length} numbers"
-        case msgspec.inspect.ListType():
-            return f"a list, each of it {_allowed_literal(info.item_type)}"
-        case msgspec.inspect.LiteralType():
-            return _allowed_literal(info)
-        case msgspec.inspect.IntType():
-            return f"a whole number {_span(info)}".rstrip()
-        case msgspec.inspect.FloatType():
-            return f"a number {_span(info)}".rstrip()
-        case msgspec.inspect.BoolType():
-            return "true or false"
-        case msgspec.inspect.StrType(min_length=int()):
-            return "a text that is not empty"
-        case msgspec.inspect.UnionType():
-            return "a text, or a list of up to 8 texts that are not empty"
-        case _:
-            return "a text"
-
-
-def _allowed_literal(info: Any) -> str:
-    return " or ".join(repr(value) for value in info.values)
-
-
-def _span(info: Any) -> str:
-    bounds = (("from", info.ge), ("above", info.gt), ("to", info.le), ("below", info.lt))
-    return " ".join(f"{word} {bound:g}" for word, bound in bounds if bound is not None)
-
-
 def _check_finite(table: dict[str, Any]) -> None:
     """NaN passes no range, infinities might: neither is a length or an angle."""
     for section, keys in table.items():
@@ -360,8 +336,28 @@ def _check_finite(table: dict[str, Any]) -> None:
                 raise ConfigError(f"{section}.{key}: must be a finite number, is {value}")
 
 
+def _check_motion(config: Config) -> None:
+    """What tells the place, what moves the body, and what each of it needs of the other."""
+    source, drive = config.motion.source, config.drive
+    if drive.driver == NO_DRIVE and drive.port:
+        raise ConfigError(f'drive.port: must be "" with driver {NO_DRIVE!r}, is {drive.port!r}')
+    if drive.driver != NO_DRIVE and not drive.port:
+        raise ConfigError("drive.port: must be a text that is not empty, is ''")
+    if drive.driver == NO_DRIVE and source != "external":
+        raise ConfigError(
+            f"motion.source: must be 'external' with drive.driver = {NO_DRIVE!r}, which counts "
+            f"nothing, is {source!r}"
+        )
+    if config.robot.enable_motors and source != "wheels":
+        raise ConfigError(
+            "robot.enable_motors: must be false unless motion.source is 'wheels', for mapod drives "
+            f"nothing else; is true with {source!r}"
+        )
+
+
 def _check_together(config: Config) -> None:
     """What only two keys together can break."""
+    _check_motion(config)
     spec = config.scanner.options.spec
     if config.obstacle.window_cells > config.map.cells:
         raise ConfigError(

@@ -5,6 +5,8 @@ Structs, which C code makes: as dataclasses, those of one tick took a twentieth 
 Source: design, sections 2, 4 and 5.
 """
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 from msgspec import Struct
@@ -142,6 +144,11 @@ class ExternalPose(Struct, frozen=True):
     var_xy_m2: float
     var_yy_m2: float
     var_yaw_rad2: float  # of no meaning without a yaw
+    z_m: float = math.nan  # up; NaN: it does not tell
+    var_z_m2: float = 0.0  # of no meaning without a height
+    pitch_rad: float = math.nan  # nose down positive; NaN: it tells neither this nor roll
+    roll_rad: float = math.nan  # right side down positive
+    sigma_tilt_rad: float = 0.0  # of either
 
 
 class StopZoneReport(Struct, frozen=True):

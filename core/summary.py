@@ -24,8 +24,7 @@ def describe_robot(config: Config, line_bauds: list[int | None]) -> str:
     Args:
         line_bauds: of each of the planner's ports, if it is a serial line; None for others.
     """
-    scanner, robot, drive = config.scanner, config.robot, config.drive
-    counts_per_m = 2 * robot.encoder_ppr * robot.gear_ratio / (math.pi * robot.wheel_radius_m)
+    scanner = config.scanner
     cells, window = config.map.cells, config.obstacle.window_cells
     memory_mb = (cells**2 * BYTES_PER_CELL + window**2 * BYTES_PER_WINDOW_CELL) / 1e6
     lines = [
@@ -34,8 +33,7 @@ def describe_robot(config: Config, line_bauds: list[int | None]) -> str:
         f"{abs(scanner.mount_tilt_deg):g} deg {'down' if scanner.mount_tilt_deg >= 0 else 'up'}",
         *(f"          {line}" for line in _describe_ground(config)),
         f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.options.describe()}",
-        f"drive     {drive.driver} at {drive.port}: {drive.options.describe()}, "
-        f"{counts_per_m:.0f} counts per metre",
+        *_describe_motion(config),
         "motors    " + "\n          ".join(_describe_motors(config)),
         f"map       method {config.map.method}, {cells} x {cells} cells of "
         f"{config.map.cell_m:g} m = {cells * config.map.cell_m:.1f} m square, {memory_mb:.1f} MB",
@@ -46,6 +44,21 @@ def describe_robot(config: Config, line_bauds: list[int | None]) -> str:
         lines += _describe_link(config, url, baud)
     lines += [f"modbus    {url}" for url in config.modbus.ports]
     return "\n".join(lines)
+
+
+def _describe_motion(config: Config) -> list[str]:
+    """What tells the place, and what could move the robot."""
+    drive, robot = config.drive, config.robot
+    at = f" at {drive.port}" if drive.port else ""
+    words = f"drive     {drive.driver}{at}: {drive.options.describe()}"
+    if config.motion.source == "external":
+        place = "as EXTERNAL_POSE frames over a planner's port; no wheels are counted"
+        return [words, f"motion    the place comes {place}"]
+    counts_per_m = 2 * robot.encoder_ppr * robot.gear_ratio / (math.pi * robot.wheel_radius_m)
+    lines = [f"{words}, {counts_per_m:.0f} counts per metre"]
+    if config.motion.source == "rail":
+        lines.append("motion    along a straight rail, by the encoder of drive.left_channel alone")
+    return lines
 
 
 def _describe_link(config: Config, url: str, line_baud: int | None) -> list[str]:

@@ -14,6 +14,7 @@ from hw.device import DeviceStatus, Port
 from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.session import Lms111
 from hw.mti.session import Mti, MtiOptions
+from hw.no_drive.session import NoDrive, NoDriveOptions
 from hw.ports.url import parse_url
 from hw.stripe.options import StripeOptions
 from hw.stripe.session import StripeScanner
@@ -153,4 +154,7 @@ SCANNERS: dict[str, Driver[Scanner]] = {
     "stripe": Driver(StripeOptions, _stripe),
 }
 ATTITUDE_SENSORS: dict[str, Driver[AttitudeSensor]] = {"mti": Driver(MtiOptions, _mti)}
-DRIVES: dict[str, Driver[Drive]] = {"ax3500": Driver(Ax3500Options, _ax3500)}
+DRIVES: dict[str, Driver[Drive]] = {
+    "ax3500": Driver(Ax3500Options, _ax3500),
+    "none": Driver(NoDriveOptions, lambda port, options, around: NoDrive(port)),
+}

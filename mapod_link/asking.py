@@ -13,6 +13,7 @@ ACK_BODY = struct.Struct("<HIIHHBB")
 HELLO_BODY = struct.Struct("<IIHH")
 DRIVE_BODY = struct.Struct("<IIhhHH")  # session, nonce, v, w, valid_ms, reserved
 EXTERNAL_BODY = struct.Struct("<IIiihHHhHH")
+UPRIGHT_BODY = struct.Struct("<iHhhH")  # z, sigma_z, pitch, roll, sigma_tilt; behind that one
 ASK_BODY = struct.Struct("<HBBhhHH")  # id, what, layer, i, j, width, height
 POLL = 1 << 0  # capability: push nothing, I ask
 ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE = 1 << 0, 1 << 1, 1 << 2, 1 << 3
@@ -21,6 +22,17 @@ NEED_GEOM, NEED_FULL, STALE, SUSPECT = 1 << 0, 1 << 1, 1 << 2, 1 << 3  # of an A
 PLANNER_STOPPED, DIGEST_OK, AUTH_FAILED = 1 << 4, 1 << 5, 1 << 6
 LONGEST_HOLD_S, HOLD_UNIT_S = 6.5535, 0.0001
 NO_YAW, MOST_YAW, MOST_CORRELATION = -(2**15), 31_416, 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Upright:
+    """Height and tilt of a body, as a positioning system sees them, with standard deviations."""
+
+    z_m: float  # up, in that system's own frame
+    sigma_z_m: float
+    # pitch (nose down) and roll (right side down), R = Rz(yaw) Ry(pitch) Rx(roll); None: not known
+    tilt_rad: tuple[float, float] | None = None
+    sigma_tilt_rad: float = 0.0  # of either
 
 
 @dataclass(slots=True)
@@ -84,8 +96,12 @@ def external_body(
     sigma_yaw_rad: float = 0.0,
     correlation: float = 0.0,
     age_s: float = 0.0,
+    upright: Upright | None = None,
 ) -> bytes:
-    """Body of an EXTERNAL_POSE frame: the axle's middle in the positioning system's own frame.
+    """Body of an EXTERNAL_POSE frame: the body's origin in the positioning system's own frame.
+
+    That is the point on the ground under the middle of the drive axle, or what a robot without
+    wheels has for it.
 
     Args:
         yaw_rad: counter-clockwise, of any turn; None: the system does not know it.
@@ -93,6 +109,7 @@ def external_body(
             promise more than there is.
         correlation: of the errors of x and y, -1 to 1.
         age_s: how long ago the robot was there, 0 to 1 s.
+        upright: height and tilt; None: the system knows neither, and the frame is the short one.
 
     Raises:
         ValueError: a number that the frame cannot tell.
@@ -111,9 +128,28 @@ def external_body(
     x_mm, y_mm = round(x_m * 1000), round(y_m * 1000)
     if max(abs(x_mm), abs(y_mm)) >= 2**31:
         raise ValueError("a position must lie within 2147 km")
-    return EXTERNAL_BODY.pack(
+    body = EXTERNAL_BODY.pack(
         session, nonce, x_mm, y_mm, yaw, *sigmas, tied, sigma_yaw, age_ms
     )  # fmt: skip
+    return body if upright is None else body + _upright_body(upright)
+
+
+def _upright_body(told: Upright) -> bytes:
+    """What the long body has behind the short one."""
+    tilt_rad = told.tilt_rad
+    numbers = [told.z_m, told.sigma_z_m, told.sigma_tilt_rad, *(tilt_rad or ())]
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("an external pose must have finite numbers")
+    z_mm, sigma_z = round(told.z_m * 1000), _rounded_up(told.sigma_z_m * 1000)
+    sigma_tilt = 0 if tilt_rad is None else _rounded_up(told.sigma_tilt_rad * 10_000)
+    if not all(1 <= sigma <= 0xFFFF for sigma in (sigma_z, sigma_tilt or int(tilt_rad is None))):
+        raise ValueError("sigma_z_m must be within 0.001..65.535, sigma_tilt_rad 0.0001..6.5535")
+    if abs(z_mm) >= 2**31:
+        raise ValueError("a height must lie within 2147 km")
+    tilt = [NO_YAW, NO_YAW]
+    if tilt_rad is not None:
+        tilt = [_turned(round(angle * 10_000)) for angle in tilt_rad]
+    return UPRIGHT_BODY.pack(z_mm, sigma_z, *tilt, sigma_tilt)
 
 
 def _turned(yaw: int) -> int:

@@ -243,9 +243,8 @@ class Receiver:
     def drive(self, now_s: float, v_mps: float, w_radps: float, valid_s: float) -> bool:
         """Ask the robot to move, forward and counter-clockwise, for up to 1 s; 0 s: stop now.
 
-        To be repeated at least three times within `valid_s`. False, and nothing is sent, while the
-        run of the sender is not known or there is no return path. `ValueError`: a speed or a time
-        that the frame cannot tell.
+        To be repeated at least three times within `valid_s`. False: nothing is sent, for the run of
+        the sender is not known, or there is no return path. `ValueError`: no frame can tell that.
         """
         if self.geom is None or not self._talk.ack_every:
             return False
@@ -265,13 +264,15 @@ class Receiver:
         sigma_yaw_rad: float = 0.0,
         correlation: float = 0.0,
         age_s: float = 0.0,
+        upright: asking.Upright | None = None,
     ) -> bool:
         """Tell where a positioning system saw the robot; see `asking.external_body`. As `drive`."""
         if self.geom is None or not self._talk.ack_every:
             return False
         body = asking.external_body(
-            self.geom.session, self.nonce, x_m, y_m, yaw_rad, sigma_x_m=sigma_x_m,
-            sigma_y_m=sigma_y_m, sigma_yaw_rad=sigma_yaw_rad, correlation=correlation, age_s=age_s,
+            self.geom.session, self.nonce, x_m, y_m, yaw_rad,
+            sigma_x_m=sigma_x_m, sigma_y_m=sigma_y_m, sigma_yaw_rad=sigma_yaw_rad,
+            correlation=correlation, age_s=age_s, upright=upright,
         )  # fmt: skip
         self._send(now_s, EXTERNAL_POSE, body)
         return True

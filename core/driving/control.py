@@ -21,7 +21,7 @@ from core.driving.stop_zone import (
     StopZone,
 )
 from core.mapping.method import Maps
-from core.motion.odometry import Pose
+from core.motion.track import Pose
 from core.records import OBSTACLE, DriveRequest
 
 Powers = tuple[float, float]  # left and right wheel, -1..1 of full

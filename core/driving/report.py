@@ -27,7 +27,7 @@ def report(
     pose = mapper.maybe_pose(now_s)
     roll_rad, pitch_rad, _ = mapper.attitudes.newest_rpy()
     age_scan_s, age_ahrs_s = now_s - mapper.newest_scan_s, now_s - mapper.attitudes.newest_s
-    age_wheels_s = now_s - mapper.delivered_counts_s
+    age_wheels_s = now_s - mapper.place_told_s
     word, mode = health.health_of(
         age_scan_s=age_scan_s,
         age_scanner_s=now_s - mapper.delivered_scan_s,

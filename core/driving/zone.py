@@ -13,7 +13,7 @@ from core.driving.control import FASTER, FASTER_MPS, MOVING_MPS, SET_OUT_MPS, Dr
 from core.driving.corridor import SECTORS, free_path, nearest_in_sectors, nearest_obstacle
 from core.driving.stop_zone import LONGEST_M, Motion, Obstruction
 from core.grid.window import ObstacleWindow
-from core.motion.odometry import Pose
+from core.motion.track import Pose
 from core.records import OBSTACLE, DriveRequest, StopZoneReport
 
 UNKNOWN, CLEAR, SLOW, STOP = range(4)  # states

@@ -4,7 +4,7 @@ import math
 from typing import NamedTuple
 
 from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry
+from core.motion.track import Track
 from jit import kernel
 
 
@@ -27,7 +27,7 @@ def in_body(x: float, y: float, body: BodyPose) -> tuple[float, float]:
     return dx * hx + dy * hy, dy * hx - dx * hy
 
 
-def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Odometry) -> BodyPose:
+def body_pose_at(t_s: float, attitudes: AttitudeRing, odometry: Track) -> BodyPose:
     """Where and how the robot stands at a covered instant, map frame."""
     roll, pitch, yaw = attitudes.rpy_at(t_s)
     yaw -= odometry.yaw_start_rad

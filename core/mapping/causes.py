@@ -96,7 +96,10 @@ CAUSES = {
     TILTED: Cause("tilted", "Not trusted: the robot stands too steep for its map."),
     NO_SCANS: Cause("no-scans", "Not trusted: the scanner delivers no scans."),
     NO_ATTITUDE: Cause("no-attitude", "Not trusted: the attitude sensor delivers nothing."),
-    NO_COUNTS: Cause("no-counts", "Not trusted: the wheels' counters are silent or stand still."),
+    NO_COUNTS: Cause(
+        "no-counts",
+        "Not trusted: what tells the place, counters or external poses, is silent or stands still.",
+    ),
     NO_POSE: Cause("no-pose", "Not trusted: the pose is not known."),
     NOT_MAPPED: Cause("not-mapped", "Not trusted: no scan could be mapped lately."),
 }

@@ -19,7 +19,9 @@ from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.rays import check_sweep, span_s
 from core.mapping.surface.maps import SurfaceMaps
 from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry, Pose
+from core.motion.odometry import Odometry
+from core.motion.pose_track import PoseTrack
+from core.motion.track import Pose, Track
 from core.records import F64, I64, Attitude, ObstacleMap, PointSweep, Scan, WheelCounts
 
 WAIT_S = 0.08  # a scan's longest wait: five lost attitude samples and a burst of 16 ms
@@ -50,13 +52,18 @@ class Mapper:
             math.radians(ahrs.mount_yaw_deg),
             levels=not is_paper,
         )
-        self.odometry = Odometry(
-            self.attitudes,
-            robot.wheel_radius_m,
-            robot.encoder_ppr,
-            robot.gear_ratio,
-            robot.track_width_m,
-        )
+        self._by_poses = config.motion.source == "external"
+        if self._by_poses:
+            self.odometry: Track = PoseTrack(self.attitudes)
+        else:
+            self.odometry = Odometry(
+                self.attitudes,
+                robot.wheel_radius_m,
+                robot.encoder_ppr,
+                robot.gear_ratio,
+                robot.track_width_m,
+                on_rail=config.motion.source == "rail",
+            )
         if is_paper:
             self.maps: Maps = ReferencePlaneMaps(config)
         elif config.map.method == "certainty":
@@ -84,6 +91,11 @@ class Mapper:
     def waits(self) -> bool:
         """Whether a scan waits for its attitude or its pose."""
         return bool(self._waiting)
+
+    @property
+    def place_told_s(self) -> float:
+        """Instant of the newest that tells the place: encoder counts, or a pose that fits."""
+        return self.odometry.newest_s if self._by_poses else self.delivered_counts_s
 
     def add_attitude(self, attitude: Attitude) -> None:
         self._pose_s = math.nan

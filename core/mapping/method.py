@@ -8,7 +8,7 @@ from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.layers import RingLayer
 from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry
+from core.motion.track import Track
 from core.records import F64, I64, PointSweep, Scan
 
 MAX_SLOPE_RAD = 0.35  # a robot that leans more, 20 deg, has no use for a map
@@ -23,7 +23,7 @@ class Maps(Protocol):
     def warm(self) -> None:
         """Run the kernels to which the first scans do not come, once; the maps stay as they are."""
 
-    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Track) -> int:
         """Take a sweep that both cover from first beam to last; how many returns were used."""
 
     def erase(self) -> None:

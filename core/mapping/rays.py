@@ -15,8 +15,8 @@ from msgspec import Struct
 from core.config import Scanner
 from core.geometry import R_from_rpy
 from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry
 from core.motion.path import Place
+from core.motion.track import Track
 from core.records import F64, PointSweep, Scan
 from jit import kernel, settled
 
@@ -222,7 +222,7 @@ class BeamGeometry:
         _times(scan.t_s, scan.beam_dt_s, times_s)
         return origins, directions, times_s
 
-    def cast(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> Sweep:
+    def cast(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Track) -> Sweep:
         """The rays of a checked sweep; attitude and odometry cover it from first beam to last."""
         first_s, last_s = span_s(scan)
         fan, n = self._on_body(scan), scan.ranges_m.shape[1]

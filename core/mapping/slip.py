@@ -18,8 +18,8 @@ from core.grid.places import Ring, cell_at
 from core.grid.ring import RingGrid
 from core.mapping.body import BodyPose
 from core.mapping.rays import MIN_RANGE_M, Sweep
-from core.motion.odometry import Odometry
 from core.motion.slip import SlipEstimator
+from core.motion.track import Track
 from core.records import F64
 from jit import Records, kernel, settled, with_fields
 
@@ -138,7 +138,7 @@ class FaceMatcher:
         self._slip.restart()
 
     def set_right(
-        self, sweep: Sweep, heights_m: F64, body: BodyPose, odometry: Odometry, *, is_sure: bool
+        self, sweep: Sweep, heights_m: F64, body: BodyPose, odometry: Track, *, is_sure: bool
     ) -> None:
         """Take slip along the way out of the place, if enough of a sweep has shown it for a while.
 

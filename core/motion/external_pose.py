@@ -37,9 +37,22 @@ def is_sound(pose: ExternalPose) -> bool:
         return False
     if pose.var_xy_m2**2 > pose.var_xx_m2 * pose.var_yy_m2 * (1 + ROUNDING):
         return False
+    if not (math.isnan(pose.z_m) or _is_height(pose)):
+        return False
+    if not (math.isnan(pose.roll_rad) or _is_tilt(pose)):
+        return False
     if math.isnan(pose.yaw_rad):
         return True
     return math.isfinite(pose.yaw_rad) and 0.0 <= pose.var_yaw_rad2 <= MOST_VAR_RAD2
+
+
+def _is_height(pose: ExternalPose) -> bool:
+    return abs(pose.z_m) <= MOST_M and 0.0 <= pose.var_z_m2 <= MOST_VAR_M2
+
+
+def _is_tilt(pose: ExternalPose) -> bool:
+    tilts = abs(pose.roll_rad) <= math.pi and abs(pose.pitch_rad) <= math.pi
+    return tilts and 0.0 <= pose.sigma_tilt_rad <= math.pi
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +65,27 @@ class Doubt:
     dyaw_rad: float  # 0 without a yaw
 
 
-def _rotation(yaw_rad: float) -> F64:
+class Doubts:
+    """Poses that do not fit, one after the other, for as long as they say the same."""
+
+    def __init__(self) -> None:
+        self._known: deque[Doubt] = deque(maxlen=KEPT)
+
+    def clear(self) -> None:
+        self._known.clear()
+
+    def persist(self, doubt: Doubt) -> bool:
+        """Keep one more; whether enough in a row have said the same."""
+        for known in self._known:
+            apart_m = math.hypot(doubt.dx_m - known.dx_m, doubt.dy_m - known.dy_m)
+            if apart_m > JUMP_M or abs(wrapped(doubt.dyaw_rad - known.dyaw_rad)) > JUMP_RAD:
+                self._known.clear()
+                break
+        self._known.append(doubt)
+        return len(self._known) >= PERSIST and doubt.t_s - self._known[0].t_s >= PERSIST_S
+
+
+def rotation(yaw_rad: float) -> F64:
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return np.array([[c, -s], [s, c]])
 
@@ -66,7 +99,7 @@ class Positioning:
         self.used = self.outliers = 0
         self._anchor_m = np.zeros(2)  # in its frame: where the alignment was made
         self._first: tuple[F64, F64, F64] | None = None  # its place, ours, its covariance
-        self._doubts: deque[Doubt] = deque(maxlen=KEPT)
+        self._doubts = Doubts()
 
     def forget(self) -> None:
         """Our own chain broke: its frame lies anywhere in the map that begins now."""
@@ -107,7 +140,7 @@ class Positioning:
                 return
             yaw_rad = math.atan2(ours[1], ours[0]) - math.atan2(theirs[1], theirs[0])
             yaw_var = noise_var / apart_m**2
-        state, turn = self._state, _rotation(yaw_rad)
+        state, turn = self._state, rotation(yaw_rad)
         state.value[[ALIGN_X, ALIGN_Y, ALIGN_YAW]] = xy_m[0], xy_m[1], wrapped(yaw_rad)
         self._anchor_m = z_m
         noise = turn @ cov @ turn.T
@@ -128,7 +161,7 @@ class Positioning:
         jump_m: float,
     ) -> bool:
         value = self._state.value
-        turn = _rotation(float(value[ALIGN_YAW]))
+        turn = rotation(float(value[ALIGN_YAW]))
         reach_m = turn @ (z_m - self._anchor_m)
         off_m = reach_m + value[[ALIGN_X, ALIGN_Y]] - xy_m
         H = np.zeros((2, SIZE))
@@ -146,7 +179,7 @@ class Positioning:
         leaps = False
         if not fits:
             doubt = Doubt(pose.t_s, float(off_m[0]), float(off_m[1]), off_rad)
-            if not self._persists(doubt):
+            if not self._doubts.persist(doubt):
                 self.outliers += 1
                 return False
             leaps = self._make_room(doubt)
@@ -166,16 +199,6 @@ class Positioning:
     def _fits_yaw(self, h: F64, variance: float, off_rad: float) -> bool:
         spread = self._state.spread(h) + variance
         return abs(off_rad) <= JUMP_RAD and off_rad**2 <= GATE_YAW * spread
-
-    def _persists(self, doubt: Doubt) -> bool:
-        """Whether enough poses in a row have said the same; keeps this one."""
-        for known in self._doubts:
-            apart_m = math.hypot(doubt.dx_m - known.dx_m, doubt.dy_m - known.dy_m)
-            if apart_m > JUMP_M or abs(wrapped(doubt.dyaw_rad - known.dyaw_rad)) > JUMP_RAD:
-                self._doubts.clear()
-                break
-        self._doubts.append(doubt)
-        return len(self._doubts) >= PERSIST and doubt.t_s - self._doubts[0].t_s >= PERSIST_S
 
     def _make_room(self, doubt: Doubt) -> bool:
         """Let the state be as unsure as it was wrong; True if the map can't stand that."""

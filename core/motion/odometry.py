@@ -12,7 +12,6 @@ import math
 from collections import deque
 
 import numpy as np
-from msgspec import Struct
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
@@ -20,6 +19,7 @@ from core.motion.error_state import SCALE, SIZE, YAW, X, Y, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path, Place
 from core.motion.slip import SIGMA_M
+from core.motion.track import Pose
 from core.motion.wheel_check import Turn, WheelCheck
 from core.records import F64, ExternalPose, WheelCounts
 from jit import kernel
@@ -37,6 +37,7 @@ STILL_COUNTS = 1.5  # less than this in an interval is no movement: a wheel may 
 MOST_COUNTS = 1e12  # beyond this no counter gets
 ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside scale and heading
 CORRECTION_MPS = 0.1  # position is corrected no faster, so that the map is not torn
+RAIL_RAD = math.radians(0.5)  # by which a cart turns to and fro between its guides, 1 sigma
 UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system tells
 
 
@@ -68,17 +69,6 @@ def _lay_step(
     return x_m, y_m
 
 
-class Pose(Struct, frozen=True):
-    """The body in the map frame at one instant."""
-
-    t_s: float
-    x_m: float
-    y_m: float
-    yaw_rad: float
-    pitch_rad: float
-    roll_rad: float
-
-
 class Odometry:
     """The path of the body in the map frame, for as long as the attitudes last."""
 
@@ -89,7 +79,11 @@ class Odometry:
         encoder_ppr: int,
         gear_ratio: float,
         track_width_m: float,
+        *,
+        on_rail: bool = False,
     ) -> None:
+        """`on_rail`: the left counter tells the way, along a straight line."""
+        self._on_rail = on_rail
         self._attitudes, self._state = attitudes, attitudes.orientation.state
         self._m_per_count = 2 * math.pi * wheel_radius_m / (4 * encoder_ppr * gear_ratio)
         self._track_width_m = track_width_m
@@ -125,6 +119,11 @@ class Odometry:
         return 1.0 + float(self._state.value[SCALE])
 
     @property
+    def outliers(self) -> int:
+        """External poses that did not fit."""
+        return self.positioning.outliers
+
+    @property
     def covariance(self) -> F64:
         """Of the newest x (m), y (m), yaw (rad) in the map frame: (3, 3), since the newest break.
 
@@ -138,6 +137,8 @@ class Odometry:
 
     def add(self, counts: WheelCounts) -> None:
         """Take one pair of counts; it counts once the attitude at its time is known."""
+        if self._on_rail:
+            counts = WheelCounts(counts.t_s, counts.left, counts.left, counts.restarts)
         newest = self._waiting[-1] if self._waiting else self._last
         if newest is not None and not counts.t_s >= newest.t_s + LEAST_S:
             return
@@ -238,6 +239,8 @@ class Odometry:
             last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
         )
         self.wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
+        if self._on_rail:
+            self._hold_course(middle_rad)
         dx_m, dy_m, dz_m = self._along(travel_m * self.scale, pitch_rad, middle_rad)
         paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, abs(travel_m * turned_rad))
         self.corrected_m += (paid_x_m, paid_y_m)
@@ -247,6 +250,13 @@ class Odometry:
         self.v_mps = travel_m * self.scale / dt_s
         self.w_radps = wheels_rad / dt_s
         self._attitudes.orientation.note_speed(dt_s, self.v_mps, middle_rad)
+
+    def _hold_course(self, yaw_rad: float) -> None:
+        """A rail is straight: the body points where it did as the map began."""
+        h, course_rad = np.zeros(SIZE), self.yaw_start_rad + self._start_yaw_rad
+        h[YAW] = 1.0
+        off_rad = wrapped(course_rad - yaw_rad - float(self._state.value[YAW]))
+        self._state.correct(h, off_rad, RAIL_RAD**2)
 
     def _lay_down(
         self, dt_s: float, dx_m: float, dy_m: float, hidden_m: float

@@ -114,7 +114,7 @@ extern "C" {
 #endif
 
 #define MAPOD_CELL_BYTES(width, height) ((((uint32_t)(width) * (uint32_t)(height)) + 3u) / 4u)
-#define MAPOD_OUT_MAX 52u /* bytes: the longest frame that is sent, ready for a serial line */
+#define MAPOD_OUT_MAX 64u /* bytes: the longest frame that is sent, ready for a serial line */
 
 /* What a cell is. 3 does not occur. */
 #define MAPOD_UNKNOWN 0u
@@ -321,6 +321,11 @@ struct mapod_external_pose {
     int16_t correlation; /* of the errors of x and y, 0.0001 */
     uint16_t sigma_yaw;  /* 0.0001 rad */
     uint16_t age_ms;     /* how long ago the robot was there, up to 1000 */
+    uint16_t sigma_z_mm; /* 0: nothing below is known, and the frame is the short one */
+    int32_t z_mm;        /* up */
+    int16_t pitch;       /* 0.0001 rad, nose down positive; MAPOD_NO_YAW, and in roll: not known */
+    int16_t roll;        /* right side down positive */
+    uint16_t sigma_tilt; /* of both, 0.0001 rad */
 };
 
 /* EXTERNAL_POSE; 0 as for DRIVE. */
@@ -887,6 +892,22 @@ MAPOD_LINK_API uint32_t mapod_talk_drive(struct mapod_talk *talk, const struct m
     return mapod_p_close(talk, link, now_ms, MAPOD_P_DRIVE, 16u, out);
 }
 
+static bool mapod_p_angle_wrong(int16_t angle)
+{
+    return (angle < -31416) || (angle > 31415);
+}
+
+/* What a long EXTERNAL_POSE has more than a short one. */
+static bool mapod_p_upright_wrong(const struct mapod_external_pose *pose)
+{
+    const bool tilt_known = (pose->pitch != MAPOD_NO_YAW) || (pose->roll != MAPOD_NO_YAW);
+    const bool tilt_wrong = tilt_known && (mapod_p_angle_wrong(pose->pitch) ||
+                                           mapod_p_angle_wrong(pose->roll) ||
+                                           (pose->sigma_tilt == 0u));
+
+    return (pose->sigma_z_mm != 0u) && ((pose->z_mm < -2147483647) || tilt_wrong);
+}
+
 MAPOD_LINK_API uint32_t mapod_talk_external_pose(struct mapod_talk *talk,
                                                  const struct mapod_link *link, uint32_t now_ms,
                                                  const struct mapod_external_pose *pose,
@@ -899,7 +920,9 @@ MAPOD_LINK_API uint32_t mapod_talk_external_pose(struct mapod_talk *talk,
     const bool wrong = (pose->x_mm < -2147483647) || (pose->y_mm < -2147483647) || yaw_wrong ||
                        (pose->sigma_x_mm == 0u) || (pose->sigma_y_mm == 0u) ||
                        (pose->correlation < -10000) || (pose->correlation > 10000) ||
-                       (pose->age_ms > 1000u);
+                       (pose->age_ms > 1000u) || mapod_p_upright_wrong(pose);
+    uint32_t size = 28u;
+
     if ((!mapod_p_address(talk, link, body)) || wrong) {
         return 0u;
     }
@@ -911,7 +934,15 @@ MAPOD_LINK_API uint32_t mapod_talk_external_pose(struct mapod_talk *talk,
     mapod_p_put16(&body[22], mapod_p_bits(pose->correlation));
     mapod_p_put16(&body[24], pose->sigma_yaw);
     mapod_p_put16(&body[26], pose->age_ms);
-    return mapod_p_close(talk, link, now_ms, MAPOD_P_EXTERNAL_POSE, 28u, out);
+    if (pose->sigma_z_mm != 0u) {
+        mapod_p_put32(&body[28], (uint32_t)pose->z_mm);
+        mapod_p_put16(&body[32], pose->sigma_z_mm);
+        mapod_p_put16(&body[34], mapod_p_bits(pose->pitch));
+        mapod_p_put16(&body[36], mapod_p_bits(pose->roll));
+        mapod_p_put16(&body[38], pose->sigma_tilt);
+        size = 40u;
+    }
+    return mapod_p_close(talk, link, now_ms, MAPOD_P_EXTERNAL_POSE, size, out);
 }
 
 MAPOD_LINK_API uint32_t mapod_talk_ask(struct mapod_talk *talk, const struct mapod_link *link,

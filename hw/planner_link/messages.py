@@ -104,6 +104,11 @@ class External(Struct, frozen=True):
     correlation: float  # of x and y, -1..1
     sigma_yaw_rad: float
     age_s: float  # how long before `t_ms` the robot was there
+    z_m: float = math.nan  # NaN: it does not tell
+    sigma_z_m: float = 0.0
+    pitch_rad: float = math.nan  # NaN: it tells neither this nor roll
+    roll_rad: float = math.nan
+    sigma_tilt_rad: float = 0.0
 
 
 Answer = Ack | Hello | Ask | Drive | External
@@ -137,9 +142,10 @@ def decode_answer(frame: bytes, secret: Secret | None = None) -> Answer | BadFra
         return BadFrame("no valid tag", frame)
     if kind not in BODIES:
         return BadFrame("unknown type", frame)
-    name, layout, decode = BODIES[kind]
+    name, layouts, decode = BODIES[kind]
     body = content[HEAD.size :]
-    answer = decode(seq, t_ms, *layout.unpack(body)) if len(body) == layout.size else None
+    layout = next((one for one in layouts if one.size == len(body)), None)
+    answer = decode(seq, t_ms, *layout.unpack(body)) if layout is not None else None
     if isinstance(answer, Hello) and secret is not None:
         own = dataclasses.replace(secret, nonce=answer.nonce)
         answer = replace(answer, signed=_is_signed(content, tag, own))
@@ -178,7 +184,7 @@ def _maybe_drive(seq: int, t_ms: int, *fields: int) -> Drive | None:
 
 
 def _maybe_external(seq: int, t_ms: int, *fields: int) -> External | None:
-    session, nonce, x_mm, y_mm, yaw, sigma_x, sigma_y, tied, sigma_yaw, age_ms = fields
+    session, nonce, x_mm, y_mm, yaw, sigma_x, sigma_y, tied, sigma_yaw, age_ms = fields[:10]
     has_yaw = yaw != NO_YAW
     if not nonce or NO_PLACE in (x_mm, y_mm) or not sigma_x or not sigma_y:
         return None
@@ -186,18 +192,40 @@ def _maybe_external(seq: int, t_ms: int, *fields: int) -> External | None:
         return None
     if has_yaw and not (-MOST_YAW <= yaw < MOST_YAW and sigma_yaw):
         return None
+    upright = _maybe_upright(*fields[10:]) if fields[10:] else ()
+    if upright is None:
+        return None
     return External(
         *(seq, t_ms, session, nonce, x_mm / 1000, y_mm / 1000),
         yaw / 10_000 if has_yaw else math.nan,
         *(sigma_x / 1000, sigma_y / 1000, tied / MOST_CORRELATION),
         *(sigma_yaw / 10_000, age_ms / 1000),
+        *upright,
     )
 
 
-BODIES: dict[int, tuple[str, struct.Struct, Callable[..., Answer | None]]] = {
-    ACK: ("ACK", struct.Struct("<HII4xBB"), Ack),  # 4x: hold, bad_frames
-    HELLO: ("HELLO", struct.Struct("<IIHH"), _hello),
-    DRIVE: ("DRIVE", struct.Struct("<IIhhHH"), _maybe_drive),
-    ASK: ("ASK", struct.Struct("<HBBhhHH"), _maybe_ask),
-    EXTERNAL_POSE: ("EXTERNAL_POSE", struct.Struct("<IIiihHHhHH"), _maybe_external),
+def _maybe_upright(
+    z_mm: int, sigma_z: int, pitch: int, roll: int, sigma_tilt: int
+) -> tuple[float, ...] | None:
+    """Height and tilt, of a long EXTERNAL_POSE."""
+    has_tilt = (pitch, roll) != (NO_YAW, NO_YAW)
+    if z_mm == NO_PLACE or not sigma_z:
+        return None
+    if has_tilt and not (all(-MOST_YAW <= a < MOST_YAW for a in (pitch, roll)) and sigma_tilt):
+        return None
+    tilt = (pitch / 10_000, roll / 10_000) if has_tilt else (math.nan, math.nan)
+    return z_mm / 1000, sigma_z / 1000, *tilt, sigma_tilt / 10_000
+
+
+Layouts = tuple[struct.Struct, ...]  # of which a body's length picks one
+BODIES: dict[int, tuple[str, Layouts, Callable[..., Answer | None]]] = {
+    ACK: ("ACK", (struct.Struct("<HII4xBB"),), Ack),  # 4x: hold, bad_frames
+    HELLO: ("HELLO", (struct.Struct("<IIHH"),), _hello),
+    DRIVE: ("DRIVE", (struct.Struct("<IIhhHH"),), _maybe_drive),
+    ASK: ("ASK", (struct.Struct("<HBBhhHH"),), _maybe_ask),
+    EXTERNAL_POSE: (
+        "EXTERNAL_POSE",
+        (struct.Struct("<IIiihHHhHH"), struct.Struct("<IIiihHHhHHiHhhH")),
+        _maybe_external,
+    ),
 }

@@ -178,4 +178,6 @@ def _pose(t_s: float, external: External) -> ExternalPose:
         external.correlation * external.sigma_x_m * external.sigma_y_m,
         external.sigma_y_m**2,
         external.sigma_yaw_rad**2,
+        *(external.z_m, external.sigma_z_m**2, external.pitch_rad, external.roll_rad),
+        external.sigma_tilt_rad,
     )

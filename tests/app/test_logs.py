@@ -8,6 +8,7 @@ from typing import IO
 
 import pytest
 
+from core.motion.odometry import Odometry
 from hw.runtime.threads import LINES, LogWriter
 from logs import LOG, person_line, set_up_logging
 from tests.support.closed_loop import ClosedLoop
@@ -74,6 +75,7 @@ def test_restarts_and_what_is_refused_are_told_with_their_causes(
     loop = ClosedLoop(CONFIG)
     loop.run(2.5)
     odometry, planners = loop.app.mapper.odometry, loop.app.planners
+    assert isinstance(odometry, Odometry)
     odometry._break(loop.now_s, "for a test")
     loop.link_port.give(b"no frame of ours")
     planners.links[0].peer.refusal = "the planner is too small"

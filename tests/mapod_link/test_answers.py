@@ -3,9 +3,12 @@
 Source: planner link, sections 3, 6 and 9.
 """
 
+from typing import Any
+
 import pytest
 
 from mapod_link import asking
+from mapod_link.asking import Upright
 from mapod_link.bodies import OBSTACLE
 from mapod_link.frames import (
     ACK,
@@ -106,13 +109,15 @@ def test_requests_are_those_of_the_vectors() -> None:
     assert not receiver.drive(0.0, 0.65, -0.12, 0.3)  # nobody's session is known
     receiver.feed_datagram(52.2, vector("geom"))
     assert receiver.drive(52.34, 0.65, -0.12, 0.3)
-    sigmas = {"sigma_x_m": 0.02, "sigma_y_m": 0.03, "sigma_yaw_rad": 0.0175}
-    assert receiver.external_pose(
-        52.36, 105.25, -48.9, 1.2345, **sigmas, correlation=-0.25, age_s=0.04
-    )
+    sigmas: dict[str, Any] = {"sigma_x_m": 0.02, "sigma_y_m": 0.03, "sigma_yaw_rad": 0.0175}
+    sigmas |= {"correlation": -0.25, "age_s": 0.04}
+    assert receiver.external_pose(52.36, 105.25, -48.9, 1.2345, **sigmas)
+    upright = Upright(1.25, 0.015, (-0.0052, 0.0017), 0.0035)
+    assert receiver.external_pose(52.42, 105.25, -48.9, 1.2345, **sigmas, upright=upright)
     assert receiver.ask(52.39, geometry=True, pose=True, stop_zone=True)
     assert not receiver.ask(52.39)
-    drive, external, ask = frames_of(receiver, 52.2)[:3]
+    drive, external, higher, ask = frames_of(receiver, 52.2)[:4]
+    assert (higher.type, higher.body) == (EXTERNAL_POSE, vector("external_pose_upright")[8:-4])
     assert (drive.type, drive.t_ms, drive.body) == (DRIVE, 52_340, vector("drive")[8:-4])
     assert (external.type, external.body) == (EXTERNAL_POSE, vector("external_pose")[8:-4])
     assert (ask.type, ask.body[2:]) == (ASK, vector("ask_now")[8:-4][2:])

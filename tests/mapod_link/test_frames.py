@@ -3,9 +3,11 @@
 Source: planner link, sections 2, 3, 13 and 14, items 1 and 3.
 """
 
+import math
 import struct
 import zlib
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mapod_link import asking
+from mapod_link.asking import Upright
 from mapod_link.bodies import KEEP, UNKNOWN, maybe_runs, maybe_stop_zone
 from mapod_link.frames import (
     AUTH,
@@ -213,10 +216,18 @@ def test_a_request_that_no_frame_tells_is_refused(numbers: tuple[float, float, f
     [
         {"x_m": float("nan")}, {"y_m": 3e6}, {"sigma_x_m": 0.0}, {"sigma_y_m": 66.0},
         {"sigma_yaw_rad": 0.0}, {"correlation": 1.1}, {"age_s": 1.1}, {"yaw_rad": float("inf")},
+        {"upright": Upright(math.nan, 0.1)}, {"upright": Upright(3e6, 0.1)},
+        {"upright": Upright(1.0, 0.0)}, {"upright": Upright(1.0, 0.1, (0.0, 0.0), 0.0)},
     ],
 )  # fmt: skip
-def test_an_external_pose_that_no_frame_tells_is_refused(changes: dict[str, float]) -> None:
-    good = {"x_m": 1.0, "y_m": 2.0, "yaw_rad": 3.0, "sigma_x_m": 0.1, "sigma_y_m": 0.1}
+def test_an_external_pose_that_no_frame_tells_is_refused(changes: dict[str, Any]) -> None:
+    good: dict[str, Any] = {
+        "x_m": 1.0,
+        "y_m": 2.0,
+        "yaw_rad": 3.0,
+        "sigma_x_m": 0.1,
+        "sigma_y_m": 0.1,
+    }
     asking.external_body(1, 2, **good, sigma_yaw_rad=0.1)
     with pytest.raises(ValueError, match="must"):
         asking.external_body(1, 2, **{**good, "sigma_yaw_rad": 0.1, **changes})
@@ -224,7 +235,7 @@ def test_an_external_pose_that_no_frame_tells_is_refused(changes: dict[str, floa
 
 @given(st.floats(-100, 100))
 def test_the_yaw_of_an_external_pose_may_have_any_number_of_turns(yaw_rad: float) -> None:
-    sigmas = {"sigma_x_m": 0.1, "sigma_y_m": 0.1, "sigma_yaw_rad": 0.1}
+    sigmas: dict[str, Any] = {"sigma_x_m": 0.1, "sigma_y_m": 0.1, "sigma_yaw_rad": 0.1}
     body = asking.external_body(1, 2, 0.0, 0.0, yaw_rad, **sigmas)
     told_rad = asking.EXTERNAL_BODY.unpack(body)[4] / 10_000
     assert -3.1416 <= told_rad <= 3.1415

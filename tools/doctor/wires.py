@@ -23,8 +23,15 @@ LATENCY_MS = 1  # of an adapter that does not hold bytes back
 
 def find_wires(config: Config, root: Path) -> Iterator[Finding]:
     """Each port of devices and planners; Modbus listens itself, which only a start can try."""
-    for section in ("scanner", "ahrs", "drive"):
+    for section in ("scanner", "ahrs"):
         yield from _of_port(section, getattr(config, section).port, root)
+    if config.drive.port:
+        yield from _of_port("drive", config.drive.port, root)
+    else:
+        yield Finding("OK", "drive", "there is none: nothing commands motors")
+    if config.motion.source == "external":
+        says = "the place comes as EXTERNAL_POSE frames, over a planner's port"
+        yield Finding("OK", "motion", f"{says}; mapod has no map until they come")
     for url in config.planner.ports:
         yield from _of_port("planner", url, root)
     for url in config.modbus.ports:

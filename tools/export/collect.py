@@ -17,7 +17,7 @@ from core.mapping.mapper import Mapper
 from core.mapping.method import Maps
 from core.mapping.rays import BeamGeometry
 from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry
+from core.motion.track import Track
 from core.records import F64, FREE, Attitude, PointSweep, PoseReport, Scan, WheelCounts
 from tools.export.tables import TABLES, TIMES, Columns, Tables
 from tools.replay.player import Player
@@ -98,7 +98,7 @@ class ListeningMaps:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._maps, name)
 
-    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Track) -> int:
         sweep = self._geometry.cast(scan, attitudes, odometry)
         self._take(sweep.t_s, sweep.points())
         return self._maps.add(scan, attitudes, odometry)

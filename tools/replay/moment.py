@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from app import App
-from core.motion.odometry import Pose
+from core.motion.track import Pose
 from core.records import FREE as IS_FREE
 from core.records import OBSTACLE as IS_OBSTACLE
 from core.records import U8

@@ -221,15 +221,15 @@ def stands_of(watch: Watch, now_s: float) -> dict[str, Any]:
 
 def refusals_of(app: App) -> dict[str, dict[str, int]]:
     """How often what was refused since the begin, and why."""
-    counts, positioning = app.mapper.counts, app.mapper.odometry.positioning
+    counts, outliers = app.mapper.counts, app.mapper.odometry.outliers
     scans = {
         "no attitude or pose came in time": counts.scans_dropped,
         "the robot leant too far for a map": counts.scans_tilted,
         "there was no pose yet": counts.scans_early,
     }
     poses = dict(app.planners.external_poses.refused)
-    if positioning.outliers:
-        poses["it does not fit the odometry"] = positioning.outliers
+    if outliers:
+        poses["it does not fit the odometry"] = outliers
     return {
         "drive requests": dict(app.planners.requests.refused),
         "external poses": poses,
@@ -266,7 +266,10 @@ def moment_of(watch: Watch) -> dict[str, Any]:
 LACKS = (
     (health.SCANNER_OK, "the scanner delivers no scans"),
     (health.AHRS_OK, "the attitude sensor delivers nothing"),
-    (health.WHEELS_OK, "the wheels' counters are not read, or stand still"),
+    (
+        health.WHEELS_OK,
+        "what tells the place is not heard or stands still: counters, or external poses",
+    ),
     (health.CLOCKS_LOCKED, "the sensors' clocks are not locked"),
     (health.POSE_VALID, "the pose is not known"),
     (health.MAP_VALID, "the map is not valid"),

@@ -23,7 +23,7 @@ from core.mapping.paper.grid import centre_of, index_of, rule_of, state_of
 from core.mapping.paper.steps import PaperSettings, ReferencePlane, sigma_from_bearing
 from core.mapping.rays import MIN_RANGE_M
 from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry
+from core.motion.track import Track
 from core.records import F64, FREE, I8, I32, I64, OBSTACLE, U8, UNKNOWN, PointSweep, Scan
 from jit import kernel
 
@@ -160,7 +160,7 @@ class ReferencePlaneMaps:
         """The first scan runs all the others."""
         self.plane.grid.warm()
 
-    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Track) -> int:
         if not isinstance(scan, Scan):
             raise ValueError("the reference plane is made for scanners of one plane")
         last_s = scan.t_s + (scan.ranges_m.shape[1] - 1) * scan.beam_dt_s

@@ -33,7 +33,7 @@ from core.mapping.surface.evidence import end_beams, spread_ties
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_witnesses, hold
 from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry
+from core.motion.track import Track
 from core.records import F64, I32, I64, U8, UNKNOWN, PointSweep, Scan
 from jit import kernel, records, settled, with_fields
 
@@ -164,7 +164,7 @@ class SurfaceMaps:
         decide_cells(nothing, self._surface, self.window.shown, 0)
         self.causes(nothing.astype(np.int64), nothing.astype(np.int64))
 
-    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Track) -> int:
         """Take a sweep that attitude and odometry cover; how many returns it had."""
         rays = self._geometry.cast(scan, attitudes, odometry)
         body = body_pose_at(rays.t_s, attitudes, odometry)

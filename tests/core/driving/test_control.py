@@ -21,7 +21,7 @@ from core.driving.control import (
 from core.driving.stop_zone import NOTHING
 from core.mapping.surface.cells import APART
 from core.mapping.surface.maps import SurfaceMaps
-from core.motion.odometry import Pose
+from core.motion.track import Pose
 from core.records import FREE, OBSTACLE, UNKNOWN, DriveRequest
 from tests import ROOT
 

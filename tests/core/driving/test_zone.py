@@ -25,7 +25,7 @@ from core.driving.zone import (
 )
 from core.grid.ring import RingGrid
 from core.mapping.mapper import Mapper
-from core.motion.odometry import Pose
+from core.motion.track import Pose
 from core.records import FREE, I8, OBSTACLE, UNKNOWN, DriveRequest, StopZoneReport
 from tests import ROOT
 from tests.support.cases import examples

@@ -221,6 +221,10 @@ def test_values_that_no_frame_tells_are_not_sent() -> None:
         ExternalPose(1, 2, 0, 0, 5, 0, 9, 0),
         ExternalPose(1, 2, 0, 5, 5, 10_001, 9, 0),
         ExternalPose(1, 2, 0, 5, 5, 0, 9, 1001),
+        ExternalPose(1, 2, 0, 5, 5, 0, 9, 0, 5, -(2**31), NO_YAW, NO_YAW),
+        ExternalPose(1, 2, 0, 5, 5, 0, 9, 0, 5, 0, 0, 31_416, 9),
+        ExternalPose(1, 2, 0, 5, 5, 0, 9, 0, 5, 0, NO_YAW, 0, 9),
+        ExternalPose(1, 2, 0, 5, 5, 0, 9, 0, 5, 0, 0, 0, 0),
     ):
         assert not line.receiver.external_pose(1.0, wrong)
     assert line.receiver.ask(1.0, Ask(1, 0x84))

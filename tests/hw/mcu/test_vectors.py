@@ -81,7 +81,8 @@ def test_a_receiver_of_short_frames_that_only_asks_says_so_as_printed() -> None:
 def answers(receiver: CReceiver) -> dict[str, bytes]:
     """What the protocol prints as said by this receiver, in its order of numbers."""
     external = ExternalPose(105_250, -48_900, 12_345, 20, 30, -2_500, 175, 40)
-    return {
+    upright = ExternalPose(105_250, -48_900, 12_345, 20, 30, -2_500, 175, 40, 15, 1250, -52, 17, 35)
+    told = {
         "ack": receiver.ack(52.31, 0.0013),
         "drive": receiver.drive(52.34, 0.65, -0.12, 0.3),
         "external_pose": receiver.external_pose(52.36, external),
@@ -90,6 +91,8 @@ def answers(receiver: CReceiver) -> dict[str, bytes]:
         "ask_now": receiver.ask(52.39, Ask(0x103, 0x07, 0, *RECTANGLE)),
         "ask_window": receiver.ask(52.4, Ask(0x104, 0x88, 0, 40, 60, 5, 3)),
     }
+    receiver.ask(52.41, Ask(0x105, 0x01))  # has the number of an ASK for a scan, which it never is
+    return {**told, "external_pose_upright": receiver.external_pose(52.42, upright)}
 
 
 def test_each_answer_is_built_as_printed() -> None:

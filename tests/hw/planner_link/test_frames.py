@@ -85,6 +85,25 @@ HEARD = {
     "external_pose": messages.External(
         3, 52_360, SESSION, 0x11223344, 105.25, -48.9, 1.2345, 0.02, 0.03, -0.25, 0.0175, 0.04
     ),
+    "external_pose_upright": messages.External(
+        9,
+        52_420,
+        SESSION,
+        0x11223344,
+        105.25,
+        -48.9,
+        1.2345,
+        0.02,
+        0.03,
+        -0.25,
+        0.0175,
+        0.04,
+        1.25,
+        0.015,
+        -0.0052,
+        0.0017,
+        0.0035,
+    ),
     "ask_tile": messages.Ask(0x0102, messages.ASK_TILE, 1, 236, -40, 5, 3),
     "ask_now": messages.Ask(
         0x0103, messages.ASK_GEOM | messages.ASK_POSE | messages.ASK_ZONE, 0, 0, 0, 0, 0

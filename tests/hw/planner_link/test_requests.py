@@ -67,6 +67,17 @@ def test_a_field_out_of_its_range_refuses_the_whole_frame(
     assert refused.reason == ("DRIVE" if kind == DRIVE else "EXTERNAL_POSE") + " out of range"
 
 
+@pytest.mark.parametrize(
+    "wrong", [(-(2**31), 5, 0, 0, 9), (0, 0, 0, 0, 9), (0, 5, 31_416, 0, 9), (0, 5, -(2**15), 0, 9),
+              (0, 5, 0, 0, 0)],
+)  # fmt: skip
+def test_a_height_or_tilt_out_of_its_range_refuses_the_whole_frame(wrong: tuple[int, ...]) -> None:
+    layout, fields = BODIES[EXTERNAL_POSE]
+    body = layout.pack(*fields) + struct.pack("<iHhhH", *wrong)
+    assert isinstance(decode_answer(encode_frame(EXTERNAL_POSE, 0, 1, 1, body)), BadFrame)
+    assert isinstance(decode_answer(encode_frame(EXTERNAL_POSE, 0, 1, 1, body[:39])), BadFrame)
+
+
 def test_a_pose_without_a_yaw_needs_no_deviation_of_it() -> None:
     layout, fields = BODIES[EXTERNAL_POSE]
     body = layout.pack(*fields[:4], -(2**15), *fields[5:8], 0, 40)

@@ -1,0 +1,1 @@
+"""No drive at all: a robot that something else moves."""

@@ -127,8 +127,11 @@ class App:
         self._times = StepTimes(1.0 / config.loop.rate_hz)
         self._scan_stale_s = stale_s(config.scanner.options.spec.period_s)
         self._may_move, self._stops = config.robot.enable_motors, False
-        listened = [device.port for device in self.devices]  # and whoever may drive or stop
-        listened += [ports.planner, *ports.receivers] if self._may_move else []
+        listened = [device.port for device in self.devices]
+        if (
+            self._may_move or config.motion.source == "external"
+        ):  # who drives, stops, tells the place
+            listened += [ports.planner, *ports.receivers]
         self._listened = tuple(listened)
 
     def step(self, now_s: float) -> None:
@@ -284,6 +287,10 @@ def warm_kernels(config: Config) -> None:
     for t_s in (0.0, 0.05):
         app.mapper.add_attitude(Attitude(t_s, level, (0.0, 0.0, 0.0)))
         app.mapper.add_counts(WheelCounts(t_s, 0.0, 0.0, 0))
+        if config.motion.source == "external":
+            app.mapper.odometry.add_external(
+                ExternalPose(t_s, 0.0, 0.0, 0.0, 1e-4, 0.0, 1e-4, 1e-4)
+            )
     ranges_m = np.full((config.scanner.options.spec.echoes, 3), 1.0)
     app.mapper.add_scan(Scan(0.0, 0.001, -0.1, 0.1, ranges_m, counter=0, arrived_s=0.05))
     app.mapper.settle(0.05)

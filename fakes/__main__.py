@@ -12,9 +12,12 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from fakes.programs.serving import Stop, add_options, say, serve
+
+if TYPE_CHECKING:
+    from fakes.programs.positioning import PositioningOnUdp
 
 DEVICES = ("scanner", "ahrs", "drive")
 
@@ -48,6 +51,11 @@ def arguments() -> argparse.Namespace:
     parser.add_argument(
         "--sheet-errors", action="store_true", help="sensors err as their sheets say"
     )
+    parser.add_argument(
+        "--positioning",
+        action="store_true",
+        help="a system that sees the robot, on UDP as a planner",
+    )
     parser.add_argument("--stamp", type=Path, metavar="FILE", help="when each scan left, into FILE")
     parser.add_argument(
         "--truth", type=Path, metavar="FILE", help="the robot's true way, into FILE"
@@ -59,6 +67,7 @@ def arguments() -> argparse.Namespace:
 
 def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
     from fakes.ax3500.properties import MODES
+    from fakes.programs.positioning import PositioningOnUdp
     from fakes.programs.stamps import StampedScanner, WatchedWorld
     from fakes.scenes.scene import load_scene
     from fakes.world.error_models import as_the_sheets_say
@@ -93,11 +102,17 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
             out = files.enter_context(given.truth.open("w", encoding="ascii"))
             steps.append(GroundTruthLog(out, world, given.scene, given.seed).step)
 
+        watchers: dict[str, PositioningOnUdp] = {}
+        if given.positioning:
+            watchers["positioning"] = PositioningOnUdp(world, given.seed)
+            files.enter_context(closing(watchers["positioning"]))
+            steps.append(watchers["positioning"].step)
+
         def step(now_s: float) -> None:
             for one in steps:
                 one(now_s)
 
-        serve_on_wires(given, stop, fakes, seen, step)
+        serve_on_wires(given, stop, fakes, seen, watchers, step)
 
 
 def serve_on_wires(
@@ -105,6 +120,7 @@ def serve_on_wires(
     stop: Stop,
     fakes: dict[str, Any],
     seen: dict[str, Any],
+    watchers: "dict[str, PositioningOnUdp]",
     step: Callable[[float], None],
 ) -> None:
     """A wire for each fake that is not left out; `seen` is what stands behind it."""
@@ -124,11 +140,15 @@ def serve_on_wires(
             else:
                 wires[name] = PtyWire(fake, getattr(given, f"{name}_link"), seed=seed)
             open_wires.enter_context(closing(wires[name]))
-        ports = {
+        ports: dict[str, str | None] = {
             name: url_of(name, wires[name], fakes[name]) if name in wires else None
             for name in DEVICES
         }
-        targets = {name: (fakes[name], wire) for name, wire in wires.items()}
+        ports |= {name: watcher.url for name, watcher in watchers.items()}
+        targets: dict[str, tuple[Any, ...]] = {
+            name: (fakes[name], wire) for name, wire in wires.items()
+        }
+        targets |= {name: (watcher.system,) for name, watcher in watchers.items()}
         serve("fakes", given, stop, ports, list(wires.values()), targets, step)
 
 

@@ -39,7 +39,8 @@ LOST_S = 2.0  # so long without a pose that fits, and the map begins anew
 WAITING = 16  # poses that wait for their attitude
 LEAST_S = 1e-3  # nearer neighbours in time are one and the same
 ACCEL_VAR = 0.1  # m2/s3: 0.3 m/s2 for a second, beside what a turn makes
-ACCEL_VAR_Z = 0.01  # likewise up and down: 0.1 m/s in a second, as on to a ramp
+ACCEL_VAR_Z = 0.002  # likewise up and down, beside what the tilt says: 0.05 m/s in a second
+BOB_M = 0.05  # 1 sigma, by which a walking body goes up and down at each step
 SPEED_MPS, SPEED_Z_MPS = 1.0, 0.1  # 1 sigma, where the velocity is not known yet
 TILT_RAD = math.radians(5.0)  # roll and pitch of a pose may differ from ours by so much,
 TILT_SIGMAS = 4.0  # beside so many standard deviations
@@ -47,7 +48,10 @@ H_YAW: F64 = np.eye(SIZE)[YAW]
 
 
 class MotionFilter:
-    """Position and velocity of a point, map frame: (3,) each, z left out where nobody tells it."""
+    """Position and velocity of a body, map frame: x, y, z; vx, vy, and how it rises beside that.
+
+    It goes along its own plane, so that a ramp is known by the tilt before a height tells of it.
+    """
 
     def __init__(self, place_m: F64, noise: F64) -> None:
         """At rest as far as is known; noise: covariance (3, 3) of the place."""
@@ -56,10 +60,14 @@ class MotionFilter:
         self.P = np.zeros((6, 6))
         self.P[:3, :3], self.P[3:, 3:] = noise, np.diag(speed_var)
 
-    def go_on(self, dt_s: float, turn_rad: float) -> tuple[F64, F64]:
-        """State and covariance a while later, in which the body has turned, and its way with it."""
+    def go_on(self, dt_s: float, turn_rad: float, slopes: tuple[float, float]) -> tuple[F64, F64]:
+        """State and covariance a while later, in which the body has turned, and its way with it.
+
+        slopes: of the body's x-y plane along map x and y, meanwhile.
+        """
         F = np.eye(6)
         F[:2, 3:5], F[2, 5] = dt_s * rotation(0.5 * turn_rad), dt_s
+        F[2, 3], F[2, 4] = dt_s * slopes[0], dt_s * slopes[1]
         F[3:5, 3:5] = rotation(turn_rad)
         q = np.diag([ACCEL_VAR, ACCEL_VAR, ACCEL_VAR_Z])
         P = F @ self.P @ F.T
@@ -210,7 +218,8 @@ class PoseTrack:
         if not math.isnan(pose.yaw_rad):
             told_rad = rpy_rad[2] + float(self._state.value[YAW])
             off_rad = wrapped(pose.yaw_rad + self._turn_rad - told_rad)
-        expected = self._filter.go_on(dt_s, wrapped(rpy_rad[2] - self._yaw_last_rad))
+        turn_rad = wrapped(rpy_rad[2] - self._yaw_last_rad)
+        expected = self._filter.go_on(dt_s, turn_rad, _slopes(rpy_rad))
         off_m = place_m - expected[0][:3]
         if dt_s > LOST_S:
             self._break(pose, off_rad, "the positioning system did not tell the place for too long")
@@ -238,7 +247,9 @@ class PoseTrack:
         alike = near and xy and off_rad**2 <= GATE_YAW * yaw_spread
         if not self._has_z:
             return bool(alike)
-        return bool(alike and abs(dz_m) <= JUMP_M and dz_m**2 <= GATE_YAW * spread[2, 2])
+        return bool(
+            alike and abs(dz_m) <= JUMP_M and dz_m**2 <= GATE_YAW * (spread[2, 2] + BOB_M**2)
+        )
 
     def _correct_yaw(self, pose: ExternalPose, off_rad: float) -> None:
         if not math.isnan(pose.yaw_rad):
@@ -262,12 +273,8 @@ class PoseTrack:
         n, dt_s = 3 if self._has_z else 2, t_s - self.newest_s
         self._filter.correct(expected, place_m[:n], noise[:n, :n])
         state, yaw_rad = self._filter.state, rpy_rad[2]
-        x_m, y_m, z_m, travel_m = self._path.newest_m
+        x_m, y_m, _, travel_m = self._path.newest_m
         dx_m, dy_m = float(state[0]) - x_m, float(state[1]) - y_m
-        if not self._has_z:  # it moves along its own plane
-            slope_x, slope_y = _slopes(rpy_rad)
-            state[2] = z_m + slope_x * dx_m + slope_y * dy_m
-            state[5] = slope_x * state[3] + slope_y * state[4]
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         travel_m += cos * dx_m + sin * dy_m
         self._path.append(t_s, float(state[0]), float(state[1]), float(state[2]), travel_m)
@@ -301,12 +308,16 @@ class PoseTrack:
         x_m, y_m, z_m, travel_m = self._path.newest_m
         vx_mps, vy_mps, vz_mps = self._filter.state[3:].tolist()
         middle_s = min(self._path.newest_s + ahead_s / 2, self._attitudes.newest_s)
-        turn_rad = self._attitudes.rpy_at(middle_s)[2] - self.yaw_start_rad - self._yaw_last_rad
+        roll_rad, pitch_rad, yaw_rad = self._attitudes.rpy_at(middle_s)
+        yaw_rad -= self.yaw_start_rad
+        turn_rad = yaw_rad - self._yaw_last_rad
         cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+        vx_mps, vy_mps = cos * vx_mps - sin * vy_mps, sin * vx_mps + cos * vy_mps
+        slope_x, slope_y = _slopes((roll_rad, pitch_rad, yaw_rad))
         return (
-            x_m + (cos * vx_mps - sin * vy_mps) * ahead_s,
-            y_m + (sin * vx_mps + cos * vy_mps) * ahead_s,
-            z_m + vz_mps * ahead_s,
+            x_m + vx_mps * ahead_s,
+            y_m + vy_mps * ahead_s,
+            z_m + (vz_mps + slope_x * vx_mps + slope_y * vy_mps) * ahead_s,
             travel_m + self.v_mps * ahead_s,
         )
 

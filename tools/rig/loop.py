@@ -16,10 +16,12 @@ from config_file import load_config, with_changes
 from core.config import Config
 from fakes.faults.timetable import Schedule, order_from_text
 from fakes.planner_mcu.receiver import FakePlanner
+from fakes.positioning.system import FakePositioning
 from fakes.scenes.scene import Scene
 from fakes.wires.wire import DatagramWire, MemoryPort, Wire
 from fakes.world.error_models import ErrorModels
 from fakes.world.rig import DEFAULT_SCANNER, SCANNERS, AnyWorld, Rig
+from mapod_link.receiver import Receiver
 
 SHIPPED = Path(__file__).resolve().parents[2] / "mapod.toml"
 START_S = 1000.0
@@ -96,6 +98,8 @@ class Loop:
         self.fakes: dict[str, Any] = dict(zip(NAMES, (*devices, self.link_end), strict=True))
         self.ports = {name: TappedPort(name) for name in NAMES[:-1]}
         self.link_port = TappedPort("planner", datagrams=True)
+        self.positioning = FakePositioning(self.rig.world, seed)
+        self._is_watched = self.config.motion.source == "external"  # by that, over the link's end
         self._device_wires = tuple(
             Wire(self.fakes[name], port, seed + k)
             for k, (name, port) in enumerate(self.ports.items())
@@ -122,7 +126,10 @@ class Loop:
         if not texts:
             self._schedule = None
             return
-        targets = {name: (self.fakes[name], self.wires[name]) for name in self.fakes}
+        targets: dict[str, tuple[Any, ...]] = {
+            name: (self.fakes[name], self.wires[name]) for name in self.fakes
+        }
+        targets["positioning"] = (self.positioning,)
         self._schedule = Schedule([order_from_text(text) for text in texts], targets)
 
     def step(self) -> None:
@@ -136,6 +143,8 @@ class Loop:
         if self._schedule is not None:
             self.happened += [(now_s, said) for said in self._schedule.step(now_s)]
         self.rig.step(now_s)
+        if self._is_watched and isinstance(self.link_end, Receiver):
+            self.positioning.step(now_s, self.link_end)
         for wire in self._device_wires:
             wire.step(now_s)
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from core.config import Config
-from core.driving.control import link_refusal
+from core.driving.control import link_refusal, links_refusal
 from core.geometry import R_from_rpy
 from core.mapping.surface.cells import CELL
 
@@ -52,8 +52,10 @@ def _describe_motion(config: Config) -> list[str]:
     at = f" at {drive.port}" if drive.port else ""
     words = f"drive     {drive.driver}{at}: {drive.options.describe()}"
     if config.motion.source == "external":
-        place = "as EXTERNAL_POSE frames over a planner's port; no wheels are counted"
-        return [words, f"motion    the place comes {place}"]
+        place = "comes as EXTERNAL_POSE frames over a planner's port; no wheels are counted"
+        if refusal := links_refusal(config.planner.ports, bool(config.planner.key_file)):
+            place = f"can't be told: {refusal}"
+        return [words, f"motion    the place {place}"]
     counts_per_m = 2 * robot.encoder_ppr * robot.gear_ratio / (math.pi * robot.wheel_radius_m)
     lines = [f"{words}, {counts_per_m:.0f} counts per metre"]
     if config.motion.source == "rail":

@@ -40,7 +40,7 @@ def _replaced(text: str, literals: Mapping[str, str]) -> str:
     for i, line in enumerate(lines):
         if head := re.match(r"\s*\[\s*([\w.]+)\s*\]", line):
             section = head[1]
-        elif entry := re.match(r'(\s*(\w+)\s*=\s*)("[^"]*"|\[[\w.+, -]*\]|[\w.+-]+)', line):
+        elif entry := re.match(r'(\s*(\w+)\s*=\s*)("[^"]*"|\[[^][]*\]|[\w.+-]+)', line):
             value = left.pop(f"{section}.{entry[2]}", None)
             if value is not None:
                 lines[i] = f"{entry[1]}{value}{line[entry.end() :]}"

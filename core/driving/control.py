@@ -8,6 +8,7 @@ Source: design, section 8; planner link, sections 3 and 5.
 
 import ipaddress
 import math
+from collections.abc import Sequence
 from urllib.parse import urlsplit
 
 from core.config import Config
@@ -48,6 +49,12 @@ FORBIDDEN = (
     (health.STOP_ASKED, "the emergency stop is pressed"),
     (health.TOO_STEEP, "the robot stands too steep for its map"),
 )
+
+
+def links_refusal(urls: Sequence[str], has_key: bool) -> str:
+    """Why external poses are taken on none of these ports, in words; "" if one takes them."""
+    refusals = [link_refusal(url, has_key, True) for url in urls]
+    return refusals[0] if all(refusals) else ""
 
 
 def link_refusal(url: str, has_key: bool, enabled: bool) -> str:

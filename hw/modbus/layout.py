@@ -86,8 +86,8 @@ class Block:
 
 
 _HEALTH = (
-    "bit 0 scanner, 1 attitude sensor, 2 encoders deliver in time; 3 the pose is valid, 4 the map "
-    "is; 5 a planner has answered; 6 settings are right; 15 something is wrong"
+    "bit 0 scanner, 1 attitude sensor, 2 encoders or poses deliver in time; 3 the pose is valid, "
+    "4 the map is; 5 a planner has answered; 6 settings are right; 15 something is wrong"
 )
 _ZONE = "0 unknown, 1 clear, 2 slow, 3 stop; with 0 and 3 a vehicle must not go on"
 _CAUSES = "bit 0 an obstacle, 1 ground that was not seen, 2 a drop, 3 map or pose not to be trusted"
@@ -113,7 +113,13 @@ STATUS_BLOCK = Block(
         Entry("heartbeat", 22, "u16", "", "grows once a second while mapod works"),
         Entry("age_scan", 23, "u16", "ms", f"of the newest scan in the map; {_AGE}"),
         Entry("age_attitude", 24, "u16", "ms", f"of the newest attitude; {_AGE}"),
-        Entry("age_encoders", 25, "u16", "ms", f"of the newest encoder counts; {_AGE}"),
+        Entry(
+            "age_encoders",
+            25,
+            "u16",
+            "ms",
+            f"of the newest encoder counts, or external pose; {_AGE}",
+        ),
         Entry("age_window", 26, "u16", "ms", f"of the obstacle window; {_AGE}"),
         Entry("age_pose", 27, "u16", "ms", f"of the pose; {_AGE}"),
         Entry("x", 28, "i32", "mm", "position in the map frame: the robot's at the start"),

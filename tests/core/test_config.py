@@ -101,6 +101,8 @@ def test_a_list_of_numbers_that_is_too_short_is_told() -> None:
         ("scanner", "angular_step_deg", 0.1, "0.25 or 0.5 at 25 Hz, is 0.1 at 25 Hz"),
         ("scanner", "last_deg", 30.0, "above first_deg = 30.0, is 30.0"),
         ("scanner", "port", "", "not empty, is ''"),
+        ("motion", "source", "legs", "'external' or 'rail' or 'wheels', is 'legs'"),
+        ("drive", "port", "", "not empty, is ''"),
         ("drive", "invert", [3], "a list, each of it 1 or 2, is [3]"),
         ("scanner", "accepted_status", [1], "a list of whole numbers from 2 to 255, is [1]"),
         ("drive", "right_channel", 1, "must differ from left_channel = 1, is 1"),
@@ -121,6 +123,37 @@ def test_a_value_out_of_range_is_told_with_its_range(
     error = error_of(with_value(section, key, value))
     assert told in error
     assert key in error
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        (
+            {"drive": {"driver": "none", "port": ""}},
+            "motion.source: must be 'external' with drive.",
+        ),
+        (
+            {"drive": {"driver": "none"}, "motion": {"source": "external"}},
+            'drive.port: must be "" ',
+        ),
+        (
+            {"motion": {"source": "rail"}, "robot": {"enable_motors": True}},
+            "robot.enable_motors: must be false unless motion.source is 'wheels'",
+        ),
+    ],
+)
+def test_what_tells_the_place_and_what_moves_the_body_fit_together(
+    changes: dict[str, dict[str, Any]], told: str
+) -> None:
+    with pytest.raises(ConfigError, match="must be") as error:
+        with_changes(load_config(SHIPPED), **changes)
+    assert str(error.value).startswith(told)
+
+
+def test_settings_from_before_there_was_motion_are_of_wheels() -> None:
+    old = toml_from({name: keys for name, keys in TABLE.items() if name != "motion"})
+    assert load_config(old) == load_config(SHIPPED)
+    assert [told.split(":")[0] for told in outdated_in(old)] == ["motion.source"]
 
 
 def test_a_file_of_an_earlier_version_is_read_and_what_has_gone_is_told() -> None:

@@ -50,6 +50,18 @@ def test_what_enabled_motors_will_do_is_told(
     assert words in told(robot={"enable_motors": True, **robot}, planner=planner)
 
 
+def test_a_robot_without_wheels_is_described() -> None:
+    none = {"driver": "none", "port": ""}
+    words = told(motion={"source": "external"}, drive=none)
+    assert "drive     none: nothing commands motors\n" in words
+    assert "motion    the place comes as EXTERNAL_POSE frames" in words
+    assert "counts per metre" not in words
+    far = {"port": "udp://10.0.0.2:9750"}
+    words = told(motion={"source": "external"}, drive=none, planner=far)
+    assert "motion    the place can't be told: from another machine" in words
+    assert "motion    along a straight rail" in told(motion={"source": "rail"})
+
+
 def test_a_planner_is_told_what_is_not_known() -> None:
     trusted, pose = report(
         Mapper(SHIPPED), 5.0, clocks_locked=False, overrun=True, replayed=False,

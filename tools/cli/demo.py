@@ -135,9 +135,15 @@ def main(arguments: list[str] | None = None) -> int:
     if options.robot:
         options.config = ROBOTS[options.robot]
     try:
-        driver = configured(options.config).scanner.driver
+        config = configured(options.config)
     except ConfigError as error:
         return fail("demo", error)
     world = [sys.executable, "-m", "fakes", "--scene", options.scene, "--seed", str(options.seed)]
-    world += ["--scanner", driver, *(DRIVEN_WORLD if options.drive else ())]
+    world += ["--scanner", config.scanner.driver, *(DRIVEN_WORLD if options.drive else ())]
+    if config.motion.source == "external":
+        world.append("--positioning")
+    if options.drive and config.motion.source != "wheels":
+        return fail(
+            "demo", f"--drive: mapod drives nothing with motion.source = {config.motion.source!r}"
+        )
     return run(options, world, APP, Console())

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from core.config import Config
+from core.driving.control import links_refusal
 from hw.ports.url import PortUrl, parse_url
 from tools.doctor.finding import Finding
 from tools.doctor.network import find_path
@@ -29,14 +30,24 @@ def find_wires(config: Config, root: Path) -> Iterator[Finding]:
         yield from _of_port("drive", config.drive.port, root)
     else:
         yield Finding("OK", "drive", "there is none: nothing commands motors")
-    if config.motion.source == "external":
-        says = "the place comes as EXTERNAL_POSE frames, over a planner's port"
-        yield Finding("OK", "motion", f"{says}; mapod has no map until they come")
+    yield from of_place(config)
     for url in config.planner.ports:
         yield from _of_port("planner", url, root)
     for url in config.modbus.ports:
         if url.startswith("serial:"):
             yield from _of_port("modbus", url, root)
+
+
+def of_place(config: Config) -> Iterator[Finding]:
+    """Whether somebody can tell the place, where no wheels do."""
+    if config.motion.source != "external":
+        return
+    if refusal := links_refusal(config.planner.ports, bool(config.planner.key_file)):
+        advice = "Set [planner] key_file, or a port of this machine or a serial line"
+        yield Finding("fault", "motion", f"no pose is taken on any port: {refusal}", advice)
+        return
+    says = "the place comes as EXTERNAL_POSE frames, over a planner's port"
+    yield Finding("OK", "motion", f"{says}; mapod has no map until they come")
 
 
 def _of_port(section: str, url: str, root: Path) -> Iterator[Finding]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 
 from mapod_link.receiver import Receiver
-from tools.cli.options import ROOT
+from tools.cli.options import ROOT, configured
 from tools.settings import rewritten
 
 READY_S = 60.0  # compiling the kernels anew fits in
@@ -133,6 +133,14 @@ def first_words_of(child: Child, stop: Stop) -> dict[str, str]:
     return {}
 
 
+def with_positioning(values: Mapping[str, object], url: str) -> Mapping[str, object]:
+    """Settings of which a positioning system's end of the link is one more planner; "": none."""
+    planner = values.get("planner.port")
+    if not url or planner is None:
+        return values
+    return {**values, "planner.port": [*(planner if isinstance(planner, list) else [planner]), url]}
+
+
 class SimulatedRobot:
     """The world with its fakes, and the unchanged app on their ports, in a folder of their own."""
 
@@ -169,6 +177,9 @@ class SimulatedRobot:
             if not set(DEVICES) <= told.keys():
                 raise RunError(f"the world's first line names no ports: {told}")
             ports = {f"{name}.port": told[name] for name in DEVICES}
+            if not configured(settings).drive.port:  # a robot that has no drive
+                ports["drive.port"] = ""
+            values = with_positioning(values, told.get("positioning", ""))
         config = self.folder / "mapod.toml"
         kept = {"record.flight": str(self.folder / "flight")}
         config.write_text(rewritten(settings.read_text(), kept | ports | dict(values)))

@@ -210,7 +210,7 @@ def pose_lines(pose: Pose) -> list[Text]:
         labelled("mode", mode, mode_style),
         labelled("health", "all well" if not missing else "no " + ", no ".join(missing),
                  BAD if missing else GOOD),
-        labelled("inputs", "scan {} ms  ahrs {} ms  wheels {} ms".format(*ages)),
+        labelled("inputs", "scan {} ms  ahrs {} ms  place {} ms".format(*ages)),
         labelled("pose", f"x {pose.x_m:+.2f}  y {pose.y_m:+.2f} m  "
                          f"yaw {math.degrees(pose.yaw_rad):+.1f}°"),
         labelled("", f"pitch {math.degrees(pose.pitch_rad):+.2f}°  "

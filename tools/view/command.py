@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from config_file import read_key
-from core.config import Config, ConfigError
+from core.config import NO_DRIVE, Config, ConfigError
 from mapod_link.wires import wire_from_url
 from tools.cli.options import configured, fail
 from tools.view.driving import Limits
@@ -69,6 +69,8 @@ def facts_of(config: Config | None, speed_mps: float | None, turn_radps: float |
     v_mps = min(v_mps, robot.max_speed_mps)
     w_radps = min(turn_radps or math.inf, robot.max_turn_radps)
     refusal = "" if robot.enable_motors else "[robot] enable_motors is false"
+    if config.drive.driver == NO_DRIVE:
+        refusal = "[drive] driver is none: nothing commands motors"
     size = {"front_m": robot.front_m, "rear_m": robot.rear_m, "width_m": robot.width_m}
     return Facts(version=version(), limits=Limits(v_mps, w_radps, refusal), robot=size)
 

@@ -236,3 +236,22 @@ def test_no_records_in_any_order_raise_or_give_a_pose_that_is_no_number(
                 told = (pose.x_m, pose.y_m, pose.yaw_rad, odometry.v_mps, odometry.w_radps)
                 assert all(map(math.isfinite, told))
         assert np.isfinite(odometry.covariance).all()
+
+
+def test_on_a_rail_one_counter_tells_the_way_and_the_body_keeps_its_course() -> None:
+    errors = Errors(
+        gyro_bias=math.radians(0.3), yaw_noise=math.radians(0.3), wander=math.radians(2)
+    )
+    robot = Robot(ramp, lambda t_s: 0.0, errors)
+    robot.odometry = Odometry(robot.ring, 0.15, 500, 1.0, TRACK_M, on_rail=True)
+    before = robot.odometry.add
+    robot.odometry.add = lambda counts: before(  # type: ignore[method-assign]
+        WheelCounts(counts.t_s, counts.left, 0.0, counts.restarts)  # nothing turns the other one
+    )
+    robot.drive(60)
+    x_m, y_m = robot.odometry.xy_at(robot.t_s)
+    assert robot.x_m > 20
+    assert x_m == pytest.approx(robot.x_m, abs=0.02)
+    assert abs(y_m) < 0.05
+    assert abs(robot.yaw_error_rad) < math.radians(0.5)
+    assert robot.odometry.breaks == 0

@@ -111,6 +111,20 @@ def test_only_the_named_keys_of_the_shipped_configuration_change_and_others_are_
         rewritten('[a]\nport = "x"  # y\n[b]\nporter = "x"\n', {"a.port": "z", "b.port": "z"})
 
 
+def test_a_robot_without_wheels_gets_its_positioning_system_as_one_more_planner(
+    capsys: Capsys,
+) -> None:
+    cart = (ROOT / "robots" / "cart.toml").read_text()
+    values = processes.with_positioning({"planner.port": ["udp://a:1"]}, "udp://b:2")
+    table = tomllib.loads(rewritten(cart, {**values, "drive.port": ""}))
+    assert table["planner"]["port"] == ["udp://a:1", "udp://b:2"]
+    assert processes.with_positioning({"planner.port": "udp://a:1"}, "") == {
+        "planner.port": "udp://a:1"
+    }
+    assert demo.main(["--robot", "cart", "--drive"]) == 2
+    assert "mapod drives nothing with motion.source = 'external'" in capsys.readouterr().err
+
+
 def test_a_folder_counts_from_where_one_stands(temporary: Path) -> None:
     with contextlib.chdir(temporary), folder_kept_on_failure(Path("kept")) as folder:
         pass

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from config_file import load_config, with_changes
 from hw.ports.url import parse_url
+from tests import ROOT
 from tests.support.plain_user import as_plain_user
 from tests.support.real_wires import pty_at
 from tools.calibration.noted import with_note
@@ -227,3 +229,15 @@ def test_folders_of_recordings(tmp_path: Path) -> None:
     told = as_plain_user(lambda: storage.of_folder("flights", tmp_path, 1.0))
     tmp_path.chmod(0o755)
     assert "can't be written" in told
+
+
+def test_a_robot_without_a_drive_and_who_could_tell_its_place() -> None:
+    cart = load_config((ROOT / "robots" / "cart.toml").read_text(encoding="utf-8"))
+    told = {one.about: one for one in wires.find_wires(cart, ROOT)}
+    assert (told["drive"].level, told["drive"].says) == (
+        "OK",
+        "there is none: nothing commands motors",
+    )
+    assert told["motion"].level == "OK"
+    [fault] = wires.of_place(with_changes(cart, planner={"port": "udp://10.0.0.2:9750"}))
+    assert (fault.level, "takes a key" in fault.says) == ("fault", True)

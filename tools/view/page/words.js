@@ -5,7 +5,7 @@ export const MODES = ["booting", "running", "degraded", "fault", "replayed or si
 const MISSING = [
   "scanner",
   "attitude sensor",
-  "wheel encoders",
+  "wheel encoders or poses",
   "clock lock",
   "pose",
   "map",

@@ -34,7 +34,7 @@ from core.motion.path import Path, Place
 from core.motion.track import Pose
 from core.records import F64, ExternalPose, WheelCounts
 
-EXTRAPOLATED_S = 0.4  # longest going on behind the newest pose: one lost pose at 5 Hz
+EXTRAPOLATED_S = 0.4  # longest going on behind the newest pose: as for wheels; at 5 Hz, 0.2 s late
 LOST_S = 2.0  # so long without a pose that fits, and the map begins anew
 WAITING = 16  # poses that wait for their attitude
 LEAST_S = 1e-3  # nearer neighbours in time are one and the same

@@ -7,6 +7,9 @@ from config_file import load_config, with_changes
 from core.config import Config
 from core.driving import health
 from core.records import FREE
+from fakes.world.kinematic import KinematicWorld
+from fakes.world.trajectory import Way, stand, straight
+from fakes.world.world import Wheels
 from tests import ROOT
 from tests.support.closed_loop import ClosedLoop, compare
 from tests.support.shipped import shipped
@@ -110,6 +113,23 @@ def test_poses_that_stop_or_jump_or_come_late_are_told_and_no_cell_is_free_wrong
         loop.run(3.0)
         assert is_free_told(loop)
     assert wrong == set()
+
+
+def test_on_a_rail_one_encoder_makes_the_map() -> None:
+    config = shipped(motion={"source": "rail"})
+    world = KinematicWorld("corridor", Way(stand(2.0), straight(6.0, 0.5), straight(-2.0, 0.5)))
+    world.wheels = Wheels(lambda: (world.wheel_angles_rad()[0], 0.0), 1)  # nothing turns the other
+    loop = ClosedLoop(config, world)
+    loop.run(16.0)
+    comparison = compare(loop)
+    assert comparison.seen > 250
+    assert comparison.right >= 0.99 * comparison.seen, comparison.wrong
+    assert comparison.free_on_obstacle == []
+    pose = loop.planner.pose
+    assert pose is not None
+    assert (pose.mode, pose.health & 0x7F) == (1, 0x7F)
+    x_m, y_m = loop.rig.world.pose()[:2]
+    assert np.hypot(pose.x_m - x_m, pose.y_m - y_m) < 0.05
 
 
 def test_one_pose_in_ten_that_is_lost_changes_nothing() -> None:

@@ -11,6 +11,7 @@ from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene
+from fakes.world.rig import AnyWorld
 from tools.rig.loop import SESSION, SHIPPED, START_S, Loop
 
 F64 = npt.NDArray[np.float64]
@@ -23,7 +24,7 @@ class ClosedLoop(Loop):
     def __init__(
         self,
         config: Config | None = None,
-        scene: Scene | str = "corridor",
+        scene: Scene | str | AnyWorld = "corridor",
         seed: int = 1,
         drives: bool = True,
         key: bytes | None = None,

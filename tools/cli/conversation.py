@@ -120,6 +120,8 @@ def print_what(
     """
     try:
         url = options.port or getattr(configured(options.config), section).port
+        if not url:
+            raise ConfigError(f"{options.config}: [{section}] driver is 'none', there is no port")
         with conversation(url, new_parser(url)) as talk:
             for line in act(talk):
                 print(line, flush=True)

@@ -100,7 +100,7 @@ def init(arguments: list[str] | None = None) -> int:
     parser = parser_of("init", about, *examples)
     older = "settings of an older version: kept as they are, and what is new is added"
     parser.add_argument("--from", type=Path, dest="older", metavar="FILE", help=older)
-    parser.add_argument("--robot", choices=ROBOTS, help="one with another scanner")
+    parser.add_argument("--robot", choices=ROBOTS, help="one of robots/")
     parser.add_out("the file to write", Path("mapod.toml"))
     options = parser.parse_args(arguments)
     path: Path = options.out

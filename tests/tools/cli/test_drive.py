@@ -7,7 +7,7 @@ import pytest
 
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Mode
-from tests import Capsys, Patch
+from tests import ROOT, Capsys, Patch
 from tests.support.real_time import StillWheels
 from tests.support.simulated_lines import Said, SimulatedLines
 from tools.cli import drive
@@ -52,3 +52,8 @@ def test_keys_want_a_keyboard(capsys: Capsys, monkeypatch: Patch) -> None:
         monkeypatch.setattr(sys, "stdin", nothing)
         assert drive.main(["keys", "--port", "udp://127.0.0.1:0"]) == 1
     assert "needs a terminal with a keyboard" in capsys.readouterr().err
+
+
+def test_of_a_robot_without_a_drive_there_is_nothing_to_read(capsys: Capsys) -> None:
+    assert drive.main(["info", "--config", str(ROOT / "robots" / "cart.toml")]) == 2
+    assert "[drive] driver is 'none', there is no port" in capsys.readouterr().err

@@ -8,7 +8,7 @@ from msgspec import Struct
 from core.records import WheelCounts
 from hw.device import DeviceStatus, Port
 
-NOTHING = "there is none: nothing commands motors, and no wheels are counted"
+NOTHING = "no drive: nothing commands motors, and no wheels are counted"
 
 
 class NoDriveOptions(Struct, frozen=True):

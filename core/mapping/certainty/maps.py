@@ -30,7 +30,7 @@ from core.mapping.freshness import Freshness
 from core.mapping.rays import BeamGeometry, Sweep
 from core.mapping.terrain import JUDGED, around, terrain_of
 from core.motion.attitude import AttitudeRing
-from core.motion.odometry import Odometry
+from core.motion.track import Track
 from core.records import F64, I32, I64, U8, PointSweep, Scan
 
 AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
@@ -124,7 +124,7 @@ class CertaintyMaps:
         self.causes(nowhere, nowhere)
         self._heights_m(nowhere, fills=True)
 
-    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Odometry) -> int:
+    def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Track) -> int:
         """Take a scan that both cover; how many readings were mapped, of this scan or the last."""
         if not isinstance(scan, Scan):
             raise ValueError("method certainty is made for scanners of one plane")

@@ -2,7 +2,8 @@
 
 The first pose that has a yaw says how that system's frame lies in the map. Later ones go into a
 filter of position and velocity. Between two of them, and for a short, bounded time behind the
-newest, the place goes on at that velocity, which turns with the body. Heading and tilt are the
+newest, the place goes on at that velocity, which turns with the body: for as long as the filter is
+sure of the place, which it is not where the velocity is not known. Heading and tilt are the
 orientation filter's, of which the poses correct the heading. A pose that does not fit is left out.
 Where poses have stayed away for too long, or several in a row say that the body is elsewhere,
 `breaks` grows.
@@ -42,6 +43,8 @@ ACCEL_VAR = 0.1  # m2/s3: 0.3 m/s2 for a second, beside what a turn makes
 ACCEL_VAR_Z = 0.002  # likewise up and down, beside what the tilt says: 0.05 m/s in a second
 BOB_M = 0.05  # 1 sigma, by which a walking body goes up and down at each step
 SPEED_MPS, SPEED_Z_MPS = 1.0, 0.1  # 1 sigma, where the velocity is not known yet
+SURE_M, SURE_RAD = 0.15, math.radians(3.0)  # 1 sigma: a place less sure than that is not known
+STEP_S = 0.02  # in which it is found out for how long it is
 TILT_RAD = math.radians(5.0)  # roll and pitch of a pose may differ from ours by so much,
 TILT_SIGMAS = 4.0  # beside so many standard deviations
 H_YAW: F64 = np.eye(SIZE)[YAW]
@@ -77,6 +80,18 @@ class MotionFilter:
         P[3:, 3:] += dt_s * q
         return F @ self.state, P
 
+    def sure_for_s(self, longest_s: float) -> float:
+        """For how long it is sure of a place on the ground that goes on; -inf: not even now."""
+        sure_s = -math.inf
+        for k in range(round(longest_s / STEP_S) + 1):
+            dt_s = k * STEP_S
+            for x, v in ((0, 3), (1, 4)):
+                var = self.P[x, x] + 2.0 * dt_s * self.P[x, v] + dt_s**2 * self.P[v, v]
+                if not var + dt_s**3 / 3.0 * ACCEL_VAR <= SURE_M**2:
+                    return sure_s
+            sure_s = dt_s
+        return longest_s
+
     def correct(self, expected: tuple[F64, F64], place_m: F64, noise: F64) -> None:
         """A place (n,): x, y, and z or not; noise (n, n); `expected`: what `go_on` says."""
         state, P = expected
@@ -98,6 +113,7 @@ class PoseTrack:
         self._pose_s = -math.inf  # of the newest pose that came
         self._doubts = Doubts()
         self._filter = MotionFilter(np.zeros(3), np.zeros((3, 3)))
+        self._sure_for_s = -math.inf  # behind the newest place
         self._anchor_m, self._turn, self._turn_rad = np.zeros(3), np.eye(2), 0.0  # of its frame
         self._has_z = False  # the first pose told a height
         self._yaw_last_rad = 0.0
@@ -204,6 +220,7 @@ class PoseTrack:
     def _restart(self, t_s: float, place_m: F64, noise: F64, travel_m: float) -> None:
         """From this place on: nothing is known of the way to it."""
         self._filter = MotionFilter(place_m, noise)
+        self._sure_for_s = self._filter.sure_for_s(EXTRAPOLATED_S)
         self._doubts.clear()
         self._path.forget()
         x_m, y_m, z_m = place_m.tolist()
@@ -212,7 +229,7 @@ class PoseTrack:
 
     def _compare(self, pose: ExternalPose, rpy_rad: tuple[float, float, float]) -> None:
         """Take it if it fits; if it is the last of several that say the same, begin anew there."""
-        dt_s, travel_m = pose.t_s - self.newest_s, self.travel_m
+        dt_s = pose.t_s - self.newest_s
         place_m, noise = self._measured(pose)
         off_rad = 0.0
         if not math.isnan(pose.yaw_rad):
@@ -229,9 +246,6 @@ class PoseTrack:
                 self.outliers += 1
                 return
             self._break(pose, off_rad, "the positioning system says that the robot is elsewhere")
-        elif dt_s > EXTRAPOLATED_S:  # where it was meanwhile, nobody knows
-            self._restart(pose.t_s, *self._with_height(place_m, noise), travel_m)
-            self._correct_yaw(pose, off_rad)
         else:
             self._doubts.clear()
             self._lay(pose.t_s, expected, place_m, noise, rpy_rad)
@@ -272,11 +286,14 @@ class PoseTrack:
         """A pose that fits into filter and path."""
         n, dt_s = 3 if self._has_z else 2, t_s - self.newest_s
         self._filter.correct(expected, place_m[:n], noise[:n, :n])
+        self._sure_for_s = self._filter.sure_for_s(EXTRAPOLATED_S)
         state, yaw_rad = self._filter.state, rpy_rad[2]
         x_m, y_m, _, travel_m = self._path.newest_m
         dx_m, dy_m = float(state[0]) - x_m, float(state[1]) - y_m
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         travel_m += cos * dx_m + sin * dy_m
+        if dt_s > EXTRAPOLATED_S:  # where it was meanwhile, nobody knows
+            self._path.forget()
         self._path.append(t_s, float(state[0]), float(state[1]), float(state[2]), travel_m)
         self.v_mps = cos * float(state[3]) + sin * float(state[4])
         self.w_radps = wrapped(yaw_rad - self._yaw_last_rad) / dt_s
@@ -294,7 +311,8 @@ class PoseTrack:
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if the position is known, or well continued, from..to."""
-        return self._path.oldest_s <= from_s and to_s <= self._path.newest_s + EXTRAPOLATED_S
+        is_told = self._path.oldest_s <= from_s and to_s <= self._path.newest_s + self._sure_for_s
+        return bool(is_told and self._state.P[YAW, YAW] <= SURE_RAD**2)
 
     def xy_at(self, at_s: float) -> F64:
         """Position (2,) in the map frame at a covered instant."""

@@ -36,6 +36,8 @@ class Walker:
     slope: float = 0.05  # of the ground along map x
     has_yaw: bool = True
     has_z: bool = True
+    sigma_m: float = SIGMA_M  # as it tells
+    sigma_rad: float = SIGMA_RAD
     lean_rad: float | None = None  # by which the roll and pitch that are told are off
     k: int = 0
     worst_m: float = 0.0  # of what was told of a place: x, y,
@@ -104,7 +106,7 @@ class Walker:
             float(FAR_M[0] + c * x_m - s * y_m),
             float(FAR_M[1] + s * x_m + c * y_m),
             wrapped(yaw + TURN_RAD + SIGMA_RAD * noise[2]) if self.has_yaw else math.nan,
-            SIGMA_M**2, 0.0, SIGMA_M**2, SIGMA_RAD**2,
+            self.sigma_m**2, 0.0, self.sigma_m**2, self.sigma_rad**2,
             float(FAR_M[2] + z_m + SIGMA_Z_M * noise[3]) if self.has_z else math.nan,
             SIGMA_Z_M**2, *tilt, RAD(0.2),
         )  # fmt: skip
@@ -179,6 +181,30 @@ def test_poses_that_stay_away_are_not_replaced_by_a_guess(away_s: float, breaks:
     assert walker.track.breaks == breaks
     assert not walker.track.covers(newest_s + 0.1, newest_s + 0.2), "nobody knows its way meanwhile"
     assert walker.worst_m < 0.13
+
+
+def test_after_a_pause_the_place_goes_on_as_fast_as_the_body_does() -> None:
+    """Poses that come seldom show worst how fast it is taken to go on between them."""
+    walker = Walker(5, told=lambda t_s: t_s < 5.0 or (round(5 * t_s) % 3 == 0)).walk(5.0)
+    walker.worst_m = 0.0
+    walker.walk(10.0)
+    assert walker.track.breaks == 0
+    assert walker.worst_m < 0.16
+
+
+def test_how_fast_it_goes_is_not_known_by_one_pose_and_so_is_no_place_behind_it() -> None:
+    walker = Walker(5, k=390).walk(0.29)
+    assert walker.track.started
+    assert not walker.is_known
+    walker.walk(0.21)
+    assert walker.is_known
+
+
+@pytest.mark.parametrize("vague", [{"sigma_m": 0.6}])
+def test_a_system_that_is_too_vague_tells_no_place(vague: dict[str, float]) -> None:
+    walker = Walker(5, **vague).walk(4)
+    assert walker.track.started
+    assert not walker.is_known
 
 
 def test_poses_that_come_too_late_leave_the_place_unknown() -> None:

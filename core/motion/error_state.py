@@ -185,3 +185,10 @@ class ErrorState:
         for row in (X, Y, YAW):
             self.forget(row, 0.0)
         self.value[[X, Y]] = 0.0
+
+    def turn_map(self, variance: float) -> None:
+        """The map begins with its frame turned by an error: all that tells yaw is off it alike."""
+        P = self.P
+        self.forget(YAW, variance)
+        P[OFFSET, OFFSET] += variance
+        P[YAW, OFFSET] = P[OFFSET, YAW] = -variance

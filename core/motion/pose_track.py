@@ -203,7 +203,7 @@ class PoseTrack:
         self._turn = rotation(self._turn_rad)
         self.yaw_start_rad = wrapped(yaw_rad - self._start_yaw_rad)
         self._state.begin_map()
-        self._state.forget(YAW, pose.var_yaw_rad2 + LEAST_VAR_RAD2)
+        self._state.turn_map(pose.var_yaw_rad2 + LEAST_VAR_RAD2)
         self._state.value[YAW], self._yaw_last_rad = 0.0, self._start_yaw_rad
         self._restart(pose.t_s, *self._measured(pose), self._start_travel_m)
 

@@ -38,6 +38,7 @@ class Walker:
     has_z: bool = True
     sigma_m: float = SIGMA_M  # as it tells
     sigma_rad: float = SIGMA_RAD
+    first_off_rad: float = 0.0  # error of the yaw of the first pose
     lean_rad: float | None = None  # by which the roll and pitch that are told are off
     k: int = 0
     worst_m: float = 0.0  # of what was told of a place: x, y,
@@ -98,6 +99,7 @@ class Walker:
         x_m += SIGMA_M * noise[0] + self.jump_m(self.t_s)
         y_m += SIGMA_M * noise[1]
         c, s = math.cos(TURN_RAD), math.sin(TURN_RAD)
+        yaw += 0.0 if self.track.started else self.first_off_rad
         tilt = (math.nan, math.nan)
         if self.lean_rad is not None:
             tilt = (self._pitch_rad() + self.lean_rad, self._roll_rad())
@@ -200,7 +202,16 @@ def test_how_fast_it_goes_is_not_known_by_one_pose_and_so_is_no_place_behind_it(
     assert walker.is_known
 
 
-@pytest.mark.parametrize("vague", [{"sigma_m": 0.6}])
+def test_the_heading_follows_the_frame_of_the_places_though_the_first_yaw_was_off() -> None:
+    """Else body and beams point elsewhere than the places go, for as long as a compass agrees."""
+    off_rad = RAD(3.5)
+    walker = Walker(5, sigma_rad=RAD(1.5), first_off_rad=off_rad).walk(3)
+    pose = walker.track.maybe_pose(walker.t_s)
+    assert pose is not None
+    assert wrapped(pose.yaw_rad - walker.truth()[1]) == pytest.approx(-off_rad, abs=RAD(1.0))
+
+
+@pytest.mark.parametrize("vague", [{"sigma_m": 0.6}, {"sigma_rad": RAD(30)}])
 def test_a_system_that_is_too_vague_tells_no_place(vague: dict[str, float]) -> None:
     walker = Walker(5, **vague).walk(4)
     assert walker.track.started

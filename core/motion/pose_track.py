@@ -38,6 +38,7 @@ from core.records import F64, ExternalPose, WheelCounts
 EXTRAPOLATED_S = 0.4  # longest going on behind the newest pose: as for wheels; at 5 Hz, 0.2 s late
 LOST_S = 2.0  # so long without a pose that fits, and the map begins anew
 WAITING = 16  # poses that wait for their attitude
+REACH_M = 1e6  # a pose farther than that from the first can't be told in the planner's frames
 LEAST_S = 1e-3  # nearer neighbours in time are one and the same
 ACCEL_VAR = 0.1  # m2/s3: 0.3 m/s2 for a second, beside what a turn makes
 ACCEL_VAR_Z = 0.002  # likewise up and down, beside what the tilt says: 0.05 m/s in a second
@@ -187,7 +188,7 @@ class PoseTrack:
             self.outliers += 1
         elif not self.started:
             self._begin(pose, yaw_rad)
-        elif self._has_z and math.isnan(pose.z_m):
+        elif (self._has_z and math.isnan(pose.z_m)) or not self._is_in_reach(pose):
             self.outliers += 1
         else:
             self._compare(pose, (roll_rad, pitch_rad, wrapped(yaw_rad - self.yaw_start_rad)))
@@ -206,6 +207,10 @@ class PoseTrack:
         self._state.turn_map(pose.var_yaw_rad2 + LEAST_VAR_RAD2)
         self._state.value[YAW], self._yaw_last_rad = 0.0, self._start_yaw_rad
         self._restart(pose.t_s, *self._measured(pose), self._start_travel_m)
+
+    def _is_in_reach(self, pose: ExternalPose) -> bool:
+        off_m = np.array([pose.x_m, pose.y_m, pose.z_m]) - self._anchor_m
+        return bool(np.abs(off_m[: 3 if self._has_z else 2]).max() <= REACH_M)
 
     def _measured(self, pose: ExternalPose) -> tuple[F64, F64]:
         """Its place (3,) in the map frame with its covariance (3, 3); z is 0 without a height."""

@@ -172,6 +172,11 @@ def test_poses_that_jump_and_stay_there_end_what_is_known_and_then_begin_a_new_m
     assert (walker.track.breaks, walker.track.broken_by[:22]) == (1, "the positioning system")
 
 
+def test_poses_from_where_no_frame_can_tell_a_place_are_not_believed() -> None:
+    walker = Walker(50, jump_m=lambda t_s: 4e6 if t_s >= 5.0 else 0.0).walk(8.0)
+    assert (walker.is_known, walker.track.breaks) == (False, 0)
+
+
 @pytest.mark.parametrize(("away_s", "breaks"), [(LOST_S - 0.5, 0), (LOST_S + 0.5, 1)])
 def test_poses_that_stay_away_are_not_replaced_by_a_guess(away_s: float, breaks: int) -> None:
     walker = Walker(10, told=lambda t_s: not 5.0 <= t_s < 5.0 + away_s).walk(5.0)

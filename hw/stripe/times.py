@@ -3,7 +3,9 @@
 Without a stamp of the camera the arrival is all there is, and an image that was held up for long
 can't be told from a fresh one. With stamps, the least delayed images tell how the camera's clock
 stands to ours (hw/clock.py), and any other's delay. A new connection changes nothing of that: so
-a camera that has images from before in store is not believed to be fresh.
+a camera that has images from before in store is not believed to be fresh, be they newer or older
+than the last one that came. Only stamps from well before the first one tell of a clock that began
+anew.
 """
 
 from hw.clock import DeviceClock
@@ -12,6 +14,7 @@ from hw.stripe.mjpeg import Jpeg
 
 LATE_S = 0.25  # beyond the usual: a robot is elsewhere by then
 TICK_S, WRAP_TICKS = 1e-6, 1 << 62  # stamps are microseconds of a calendar clock, without an end
+STORED_US = 60_000_000  # longer no camera keeps images
 JITTER_S = 0.01  # of an image's way to us, where nothing measures it
 
 
@@ -21,7 +24,7 @@ class ImageTimes:
     def __init__(self, latency_s: float) -> None:
         self._latency_s = latency_s
         self._clock = DeviceClock(TICK_S, WRAP_TICKS)
-        self._newest_us = -1
+        self._first_us = 0  # of this clock of the camera's
 
     @property
     def uncertainty_s(self) -> float:
@@ -32,9 +35,10 @@ class ImageTimes:
         if jpeg.stamp_us is None:
             return jpeg.began_s - self._latency_s
         clock = self._clock
-        if clock.samples and jpeg.stamp_us >= self._newest_us:
+        if not clock.samples or jpeg.stamp_us < self._first_us - STORED_US:
+            self._first_us = jpeg.stamp_us
+        else:
             late_s = jpeg.began_s - clock.host_s_near(jpeg.stamp_us)
             if late_s > LATE_S:  # nor may it tell the clock anything
                 return BadFrame(f"an image that comes {late_s:.2g} s late", jpeg.data)
-        self._newest_us = jpeg.stamp_us
         return clock.host_s(jpeg.stamp_us, jpeg.began_s) - self._latency_s

@@ -48,6 +48,15 @@ def test_late_images_are_told_however_late_and_those_behind_them_are_believed() 
     assert np.abs(fed(times, 120.0)[30:]).max() < 0.002
 
 
+def test_images_from_a_store_are_late_though_older_ones_came_before() -> None:
+    times = ImageTimes(LATENCY_S)
+    fed(times, 50.0)
+    for ago_s in (1.0, 5.0, 30.0):
+        told = times.exposed_s(jpeg(52.5 - ago_s, ago_s))
+        assert isinstance(told, BadFrame)
+    assert np.abs(fed(times, 60.0)[30:]).max() < 0.002
+
+
 def test_a_camera_whose_clock_begins_anew_is_believed() -> None:
     times = ImageTimes(LATENCY_S)
     fed(times, 50.0)

@@ -38,6 +38,7 @@ SCALE = 14  # relative: true travel is (1 + SCALE) times that of the wheels
 ASYMMETRY = 15  # relative: how much larger the right wheel is than the left one
 ALIGN_X, ALIGN_Y, ALIGN_YAW = 16, 17, 18  # of a positioning system's frame in the map frame
 
+H_YAW: F64 = np.eye(SIZE)[YAW]  # of a measurement of the yaw alone
 ERRORS = np.dtype([("value", np.float64, SIZE), ("P", np.float64, (SIZE, SIZE))])
 START_BIAS_RADPS = math.radians(0.5)  # of a gyro that is not calibrated
 LIKELY_BIAS_RADPS = math.radians(0.1)  # of one that is

@@ -15,7 +15,7 @@ import numpy as np
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
-from core.motion.error_state import SCALE, SIZE, YAW, X, Y, travel
+from core.motion.error_state import H_YAW, SCALE, SIZE, YAW, X, Y, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path, Place
 from core.motion.slip import SIGMA_M
@@ -37,7 +37,7 @@ STILL_COUNTS = 1.5  # less than this in an interval is no movement: a wheel may 
 MOST_COUNTS = 1e12  # beyond this no counter gets
 ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside scale and heading
 CORRECTION_MPS = 0.1  # position is corrected no faster, so that the map is not torn
-RAIL_RAD = math.radians(0.5)  # by which a cart turns to and fro between its guides, 1 sigma
+RAIL_RAD, OFF_RAIL_RAD = math.radians(0.5), math.radians(5.0)  # 1 sigma in its guides; out of them
 UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system tells
 
 
@@ -83,7 +83,7 @@ class Odometry:
         on_rail: bool = False,
     ) -> None:
         """`on_rail`: the left counter tells the way, along a straight line."""
-        self._on_rail = on_rail
+        self._on_rail, self._course_rad, self._is_off = on_rail, 0.0, False
         self._attitudes, self._state = attitudes, attitudes.orientation.state
         self._m_per_count = 2 * math.pi * wheel_radius_m / (4 * encoder_ppr * gear_ratio)
         self._track_width_m = track_width_m
@@ -207,7 +207,7 @@ class Odometry:
 
     def _begin(self, t_s: float, yaw_rad: float) -> None:
         """Here and now is the map's frame, or where `start_at` said."""
-        self.yaw_start_rad = wrapped(yaw_rad - self._start_yaw_rad)
+        self.yaw_start_rad, self._course_rad = wrapped(yaw_rad - self._start_yaw_rad), yaw_rad
         x_m, y_m, z_m = self._start_m.tolist()
         self._path.append(t_s, x_m, y_m, z_m, self._start_travel_m)
         self._state.begin_map()
@@ -239,24 +239,28 @@ class Odometry:
             last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
         )
         self.wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
-        if self._on_rail:
-            self._hold_course(middle_rad)
+        if self._on_rail and not self._holds_course(middle_rad, turned_rad):
+            self._break(counts.t_s, "the robot has turned, which no straight rail lets it")
+            return
         dx_m, dy_m, dz_m = self._along(travel_m * self.scale, pitch_rad, middle_rad)
         paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, abs(travel_m * turned_rad))
         self.corrected_m += (paid_x_m, paid_y_m)
         x_m, y_m, z_m, driven_m = self._path.newest_m
         place_m = x_m + dx_m + paid_x_m, y_m + dy_m + paid_y_m, z_m + dz_m
         self._path.append(counts.t_s, *place_m, driven_m + travel_m)
-        self.v_mps = travel_m * self.scale / dt_s
-        self.w_radps = wheels_rad / dt_s
+        self.v_mps, self.w_radps = travel_m * self.scale / dt_s, wheels_rad / dt_s
         self._attitudes.orientation.note_speed(dt_s, self.v_mps, middle_rad)
 
-    def _hold_course(self, yaw_rad: float) -> None:
-        """A rail is straight: the body points where it did as the map began."""
-        h, course_rad = np.zeros(SIZE), self.yaw_start_rad + self._start_yaw_rad
-        h[YAW] = 1.0
-        off_rad = wrapped(course_rad - yaw_rad - float(self._state.value[YAW]))
-        self._state.correct(h, off_rad, RAIL_RAD**2)
+    def _holds_course(self, yaw_rad: float, turned_rad: float) -> bool:
+        """A rail is straight: the body points where it did as the map began, or turned last."""
+        told_rad = yaw_rad + float(self._state.value[YAW])
+        off_rad = wrapped(self._course_rad - told_rad)
+        self._is_off = abs(off_rad) > OFF_RAIL_RAD or (self._is_off and abs(turned_rad) > RAIL_RAD)
+        if self._is_off:
+            self._course_rad = told_rad
+            return False
+        self._state.correct(H_YAW, off_rad, RAIL_RAD**2)
+        return True
 
     def _lay_down(
         self, dt_s: float, dx_m: float, dy_m: float, hidden_m: float

@@ -18,7 +18,7 @@ import numpy as np
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
-from core.motion.error_state import SIZE, YAW
+from core.motion.error_state import H_YAW, YAW
 from core.motion.external_pose import (
     GATE,
     GATE_YAW,
@@ -48,7 +48,6 @@ SURE_M, SURE_RAD = 0.15, math.radians(3.0)  # 1 sigma: a place less sure than th
 STEP_S = 0.02  # in which it is found out for how long it is
 TILT_RAD = math.radians(5.0)  # roll and pitch of a pose may differ from ours by so much,
 TILT_SIGMAS = 4.0  # beside so many standard deviations
-H_YAW: F64 = np.eye(SIZE)[YAW]
 
 
 class MotionFilter:

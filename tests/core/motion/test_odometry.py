@@ -238,16 +238,21 @@ def test_no_records_in_any_order_raise_or_give_a_pose_that_is_no_number(
         assert np.isfinite(odometry.covariance).all()
 
 
+def on_rail(robot: Robot) -> Robot:
+    """It has one encoder alone: nothing turns the other one."""
+    robot.odometry = Odometry(robot.ring, 0.15, 500, 1.0, TRACK_M, on_rail=True)
+    before = robot.odometry.add
+    robot.odometry.add = lambda counts: before(  # type: ignore[method-assign]
+        WheelCounts(counts.t_s, counts.left, 0.0, counts.restarts)
+    )
+    return robot
+
+
 def test_on_a_rail_one_counter_tells_the_way_and_the_body_keeps_its_course() -> None:
     errors = Errors(
         gyro_bias=math.radians(0.3), yaw_noise=math.radians(0.3), wander=math.radians(2)
     )
-    robot = Robot(ramp, lambda t_s: 0.0, errors)
-    robot.odometry = Odometry(robot.ring, 0.15, 500, 1.0, TRACK_M, on_rail=True)
-    before = robot.odometry.add
-    robot.odometry.add = lambda counts: before(  # type: ignore[method-assign]
-        WheelCounts(counts.t_s, counts.left, 0.0, counts.restarts)  # nothing turns the other one
-    )
+    robot = on_rail(Robot(ramp, lambda t_s: 0.0, errors))
     robot.drive(60)
     x_m, y_m = robot.odometry.xy_at(robot.t_s)
     assert robot.x_m > 20
@@ -255,3 +260,16 @@ def test_on_a_rail_one_counter_tells_the_way_and_the_body_keeps_its_course() -> 
     assert abs(y_m) < 0.05
     assert abs(robot.yaw_error_rad) < math.radians(0.5)
     assert robot.odometry.breaks == 0
+
+
+def test_a_cart_that_turns_has_left_its_rail_and_begins_a_map_on_another_course() -> None:
+    robot = on_rail(Robot(ramp, lambda t_s: 0.5 * (10.0 < t_s <= 11.0), Errors()))
+    robot.drive(10)
+    assert robot.odometry.breaks == 0
+    robot.drive(20)
+    assert robot.odometry.breaks > 0
+    assert "rail" in robot.odometry.broken_by
+    breaks = robot.odometry.breaks
+    robot.drive(20)
+    assert robot.odometry.breaks == breaks
+    assert abs(robot.yaw_error_rad) < math.radians(2.0)

@@ -17,10 +17,9 @@ void views_aim(struct driver *driver);
 void views_begin(struct driver *driver);
 /* Searches on, a few rows of the window; true: done, and `driver->view_cost` tells whether. */
 bool views_search(struct driver *driver);
-/* The farthest of what is to be seen. */
 /* The line has passed the aims: what has not shown is to be looked at from farther off. */
 void views_end(struct driver *driver);
-
+/* The farthest of what is to be seen. */
 struct sighting views_farthest(const struct driver *driver);
 
 #endif

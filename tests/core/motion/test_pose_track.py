@@ -216,9 +216,9 @@ def test_the_heading_follows_the_frame_of_the_places_though_the_first_yaw_was_of
     assert wrapped(pose.yaw_rad - walker.truth()[1]) == pytest.approx(-off_rad, abs=RAD(1.0))
 
 
-@pytest.mark.parametrize("vague", [{"sigma_m": 0.6}, {"sigma_rad": RAD(30)}])
-def test_a_system_that_is_too_vague_tells_no_place(vague: dict[str, float]) -> None:
-    walker = Walker(5, **vague).walk(4)
+@pytest.mark.parametrize(("sigma_m", "sigma_rad"), [(0.6, SIGMA_RAD), (SIGMA_M, RAD(30))])
+def test_a_system_that_is_too_vague_tells_no_place(sigma_m: float, sigma_rad: float) -> None:
+    walker = Walker(5, sigma_m=sigma_m, sigma_rad=sigma_rad).walk(4)
     assert walker.track.started
     assert not walker.is_known
 

@@ -311,7 +311,8 @@ MAPOD_LINK_API uint32_t mapod_talk_drive(struct mapod_talk *talk, const struct m
 
 #define MAPOD_NO_YAW (-32767 - 1)
 
-/* Where a positioning system saw the robot, in that system's own frame. */
+/* Where a positioning system saw the robot, in that system's own frame. To be set to 0 as a whole
+ * first: fields that the caller does not know of then tell nothing. */
 struct mapod_external_pose {
     int32_t x_mm; /* of the point on the ground under the middle of the drive axle */
     int32_t y_mm;

@@ -14,7 +14,7 @@ from hw.urg04lx.scip import Reply, encode_request
 
 RATES = (19_200, 57_600, 115_200, 250_000, 500_000, 750_000)
 BITS_A_BYTE = 10  # on a serial line
-PAUSE_S, LONGEST_PAUSE_S = 0.2, 2.0
+PAUSE_S, LONGEST_PAUSE_S = 0.1, 0.3  # an attempt itself puts few questions, and waits
 QUIET_S, LONGEST_QUIET_S = 0.14, 0.5  # after a lone LF: the rest of what was being sent
 ANSWER_S, TRIES = 0.5, 2
 FOUND_S, LONGEST_REPLY = 0.2, 2200  # QT is answered; behind the rest of a scan, in bytes

@@ -4,6 +4,8 @@ It goes on until they cease, or the scanner says that it can't: then it ends wit
 Source: urg04lx sheet, sections 3, 5 and 7.
 """
 
+import math
+
 from core.records import Scan
 from hw.device import BadFrame, DeviceStatus
 from hw.exchange import StartAgainError, Steps
@@ -13,7 +15,8 @@ from hw.urg04lx.options import Urg04lxOptions
 from hw.urg04lx.scan import ScanMaker, Window
 from hw.urg04lx.scip import Reply
 
-SILENCE_PERIODS, LEAST_SILENCE_S = 8, 0.5
+SILENCE_PERIODS, LEAST_SILENCE_S = 8, 0.5  # without a scan that can be used,
+MUTE_PERIODS, LEAST_MUTE_S = 3, 0.4  # and without a word: a stream that has ended
 MISSED_SHARE, SCANS_SHARE = 0.3, 0.1  # of scans, so many missed are told; weight of the newest
 FIRST_SCAN_S = 2.0  # the laser and its mirror start
 NAMED = 16  # characters of a request that is quoted
@@ -33,6 +36,7 @@ class Delivery:
         self._maker, self._options = maker, options
         self._missed_share, self._complaint = 0.0, ""
         self._heard_s, self._patience_s = talk.exchange.now_s, FIRST_SCAN_S
+        self._said_s, self._mute_s = talk.exchange.now_s, FIRST_SCAN_S
 
     def run(self, window: Window, scans: list[Scan]) -> Steps[None]:
         """Until they cease.
@@ -50,16 +54,18 @@ class Delivery:
             yield from self._talk.must("BM", says.OK, "02")
             yield from self._poll(f"G{kind}{window.text}", window, scans)
         why = f": {self._complaint}" if self._complaint else ""
-        raise StartAgainError(f"no scan from the scanner for {self._patience_s:.1f} s{why}")
+        silent_s = self._exchange.now_s - self._heard_s
+        raise StartAgainError(f"no scan from the scanner for {silent_s:.1f} s{why}")
 
     @property
     def _is_silent(self) -> bool:
         return self._exchange.now_s - self._heard_s > self._patience_s
 
     def _stream(self, command: str, window: Window, scans: list[Scan]) -> Steps[None]:
-        while not self._is_silent:
-            due_s = self._heard_s + self._patience_s
+        while not self._is_silent and self._exchange.now_s - self._said_s <= self._mute_s:
+            due_s = min(self._heard_s + self._patience_s, self._said_s + self._mute_s)
             for event in (yield from self._exchange.turn(due_s=due_s)):
+                self._said_s = self._exchange.now_s
                 if isinstance(event, BadFrame):
                     self._complaint = event.reason
                 elif event.command == command:
@@ -99,6 +105,7 @@ class Delivery:
         if status != good:
             if status.isdigit() and int(status) in says.SUSPENDED:
                 self._status.fall_back("starting", f"the scanner: {says.describe_status(status)}")
+                self._said_s = math.inf  # it goes on by itself, and says so
             elif status not in (says.OK, says.RESUMED):
                 raise StartAgainError(f"the scanner: {says.describe_status(status)}")
             return
@@ -113,6 +120,7 @@ class Delivery:
         took_s, self._heard_s = self._exchange.now_s - self._heard_s, self._exchange.now_s
         period_s = window.sensor.turn_s * (1 + self._options.skip_scans)
         self._patience_s = max(LEAST_SILENCE_S, SILENCE_PERIODS * period_s, 3 * took_s)
+        self._mute_s = max(LEAST_MUTE_S, MUTE_PERIODS * max(period_s, took_s))
         self._status.missed += missed
         self._missed_share += SCANS_SHARE * (missed / (1 + missed) - self._missed_share)
         self._status.state, self._status.cause = "running", self._remark(window)

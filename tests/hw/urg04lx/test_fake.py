@@ -1,5 +1,6 @@
 """The driver of a Hokuyo scanner on the fake: found in any mode, true ranges at true instants."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -151,16 +152,61 @@ def test_it_is_found_in_whatever_mode_a_host_has_left_it(mode: str) -> None:
     assert bench.state == "running", bench.urg.status.cause
 
 
-def test_a_restart_and_a_laser_switched_off_cost_some_seconds_of_scans() -> None:
-    bench = Bench("URG-04LX-UG01")
-    bench.run(5.0)
-    bench.fake.switch_laser_off(bench.now_s)
-    bench.run(2.5)
-    assert bench.state == "running"
-    bench.fake.restart(bench.now_s)
-    bench.run(4.0)
-    assert bench.state == "running"
+def until_it_measures(bench: Bench) -> float:
+    """Seconds to the first scan of now or later."""
+    began_s, scans = bench.now_s, list[Scan]()
+    while bench.now_s - began_s < FOUND_S and (not scans or scans[-1].t_s < began_s):
+        scans = bench.run(TICK_S)
+    assert bench.state == "running", bench.urg.status.cause
+    return bench.now_s - began_s
+
+
+def checks_an_error(bench: Bench, trouble: int, seconds: float) -> None:
+    bench.fake.trouble = trouble
+    bench.run(seconds)
+    bench.fake.trouble = 0
+
+
+@pytest.mark.parametrize("phase_s", [0.0, 0.045, 0.09])
+@pytest.mark.parametrize(
+    "fault",
+    [
+        lambda bench: bench.fake.switch_laser_off(bench.now_s),
+        lambda bench: bench.fake.restart(bench.now_s),
+        lambda bench: checks_an_error(bench, 21, 0.3),
+        lambda bench: checks_an_error(bench, 21, 7.0),
+        lambda bench: checks_an_error(bench, 63, 7.0),
+    ],
+    ids=["laser off", "restart", "short check", "long check", "trouble"],
+)
+@pytest.mark.parametrize("is_classic", [True, False])
+def test_within_a_second_of_a_faults_end_it_measures_again(
+    is_classic: bool, fault: Callable[[Bench], None], phase_s: float
+) -> None:
+    bench = Bench("URG-04LX" if is_classic else "URG-04LX-UG01", characters=2, cluster=2)
+    bench.fake.baud = None  # by USB
+    bench.run(6.0 + phase_s)
+    fault(bench)
+    bench.fake.baud = None
+    assert until_it_measures(bench) <= 1.0
     assert all(np.nanmax(np.abs(off_m(scan))) < 0.1 for scan in bench.run(3.0)[-10:])
+
+
+@pytest.mark.parametrize(("is_mute", "most_a_second"), [(True, 4), (False, 9)])
+def test_one_that_does_not_measure_is_asked_a_few_times_a_second(
+    is_mute: bool, most_a_second: int
+) -> None:
+    bench, asked = Bench("URG-04LX-UG01"), 0
+    bench.run(6.0)
+    bench.fake.mute, bench.fake.trouble = is_mute, 63
+    for _ in range(round(20.0 / TICK_S)):
+        bench.urg.step(bench.now_s)
+        heard = bench.port.take()
+        bench.port.give(bench.fake.exchange(bench.now_s, heard))
+        asked += sum(len(line) > 0 for line in heard.split(b"\n"))
+        bench.now_s += TICK_S
+    assert bench.state == "starting"
+    assert asked <= 20 * most_a_second
 
 
 def test_a_restarted_classic_one_is_found_again_though_it_has_another_rate_and_protocol() -> None:

@@ -229,7 +229,7 @@ def test_a_restart_to_scip_1_1_and_19200_baud_is_found_by_the_silence() -> None:
     }
     bench.run(1.0)
     assert bench.state == "starting"
-    assert bench.cause == "no scan from the scanner for 0.8 s"
+    assert bench.cause == "no scan from the scanner for 0.4 s"
     while script.asked[-1:] != [f"SS{BAUD}"]:
         bench.run(0.005)
         assert bench.now_s < 70

@@ -107,6 +107,8 @@ TILES: dict[str, tuple[int, int, Sequence[float | None]]] = {  # layer, first ce
     "tile_cause": (4, 0, [128, 128, 130, 1, 8, 128, 131, 129, 1, 6, 64, 64, 66, 67, 64]),
     "tile_age": (5, 5, [0.1, 0.1, 12.5, NOT, 3.0, 0.0, 0.1, 0.2, 0.3, 6553.4]),
     "tile_z": (6, 0, [0.31, 0.305, -1.2, NOT, NOT]),
+    "tile_edge": (7, 5, [0.05, 0.05, 0.05, NOT, NOT, 0.071, 0.05, 0.05, 0.071, 0.112]),
+    "tile_foothold": (8, 0, [1.0, 0.7512, 0.0, NOT, NOT]),
 }  # fmt: skip
 
 

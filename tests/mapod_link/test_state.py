@@ -145,15 +145,15 @@ def test_all_frames_of_the_example_in_a_row_are_taken_and_agree() -> None:
     receiver = Receiver(NONCE)
     names = ["geom", "pose", "map", "digest", "stop_zone", "tile_class", "tile_height"]
     names += ["tile_variance", "tile_slope", "tile_refused", "tile_cause", "tile_age", "tile_z"]
-    names += ["scan", "scan_end", "scan_refused"]
+    names += ["scan", "scan_end", "scan_refused", "tile_edge", "tile_foothold"]
     for name in names:
         assert receiver.feed_datagram(1.0, vector(name)), name
     assert receiver.needs.digest_ok
     assert not receiver.suspect
     assert receiver.stop_zone is not None
-    counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 8, SCAN: 3}
+    counts = {GEOM: 1, POSE: 1, MAP: 1, DIGEST: 1, STOP_ZONE: 1, TILE: 10, SCAN: 3}
     assert receiver.accepted == counts
-    assert (receiver.numbers.last, receiver.ignored.types) == (16, 0)
+    assert (receiver.numbers.last, receiver.ignored.types) == (18, 0)
 
 
 def test_the_view_follows_the_map_and_cannot_be_written() -> None:

@@ -8,8 +8,8 @@ from tools.conformance.wire import AUTH, Geom, Key, sealed
 VECTOR_GEOM = Geom(7, 101, 101, 0x5A17C0DE)
 VECTOR_ORIGIN = (196, -100)
 VECTOR_KEY = Key(bytes(range(32)), VECTOR_GEOM.session, nonce=0x11223344)
-NEWEST_T_MS = 1080  # the sender's clock at the last of them
-LAST_SEQ = 16
+NEWEST_T_MS = 1100  # the sender's clock at the last of them
+LAST_SEQ = 18
 
 VECTORS: dict[str, str] = {
     "geom": "11 00 01 00 e8 03 00 00 07 00 65 00 65 00 32 00 de c0 17 5a 14 00 96 00 f1 c9 34 1c",
@@ -70,6 +70,14 @@ VECTORS: dict[str, str] = {
     "scan_refused": (
         "17 00 10 00 38 04 00 00 06 01 01 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 "
         "00 00 00 00 00 00 00 00 00 b5 80 7f ee"
+    ),
+    "tile_edge": (
+        "16 00 11 00 4c 04 00 00 02 01 07 00 ec 00 d8 ff 05 00 03 00 05 00 00 07 0a 00 32 "
+        "00 32 00 32 00 32 00 ff ff ff ff 47 00 32 00 32 00 47 00 70 00 5b f2 42 33"
+    ),
+    "tile_foothold": (
+        "16 01 12 00 4c 04 00 00 02 01 08 00 ec 00 d8 ff 05 00 03 00 00 00 00 07 05 00 32 "
+        "00 10 27 58 1d 00 00 ff ff ff ff f2 4b cb 19"
     ),
 }
 

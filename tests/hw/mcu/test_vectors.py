@@ -135,6 +135,7 @@ def test_the_stop_zone_is_read_as_printed() -> None:
     assert receiver.zone_advice(1.5) == "stop"
 
 
+FROM_CELL_5 = ("tile_variance", "tile_edge")
 TILES = {
     "tile_class": [2, 2, 2, 0, 0, 2, 2, 2, 0, 0, 1, 1, 1, 1, 1],
     "tile_height": [152, 149, 151, None, None, 40, 148, 150, None, None, 3, -2, 0, 1, -4],
@@ -143,6 +144,8 @@ TILES = {
     "tile_refused": [],
     "tile_cause": [],  # for tools: taken, and left alone
     "tile_z": [],
+    "tile_edge": [],
+    "tile_foothold": [],
 }
 
 
@@ -153,6 +156,6 @@ def test_a_tile_is_read_as_printed(name: str) -> None:
     piece = receiver.piece
     assert (piece.i, piece.j, piece.width, piece.height) == RECTANGLE
     assert (piece.geom_id, piece.cell_mm, piece.id) == (7, 50, 0x102)
-    assert (piece.status, piece.first) == (int("refused" in name), 5 * (name == "tile_variance"))
+    assert (piece.status, piece.first) == (int("refused" in name), 5 * (name in FROM_CELL_5))
     values = [None if v == NOT_KNOWN else v for v in piece.values[: piece.count]]
     assert values == TILES[name]

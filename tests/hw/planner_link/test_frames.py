@@ -38,6 +38,8 @@ TILES: dict[str, tuple[int, int, list[float]]] = {  # layer, first cell, values
     "tile_cause": (4, 0, [128, 128, 130, 1, 8, 128, 131, 129, 1, 6, 64, 64, 66, 67, 64]),
     "tile_age": (5, 5, [0.1, 0.04, 12.5, NAN, 3.0, 0.0, 0.1, 0.2, 0.3, 7000.0]),
     "tile_z": (6, 0, [0.31, 0.305, -1.2, NAN, NAN]),
+    "tile_edge": (7, 5, [0.05, 0.05, 0.05, NAN, NAN, 0.0707, 0.05, 0.05, 0.0707, 0.1118]),
+    "tile_foothold": (8, 0, [1.0, 0.7512, 0.0, NAN, NAN]),
 }  # fmt: skip
 POINTS_M = [[2.0, 0.5, -0.45], [2.01, 0.25, -0.448], [1.5, 0.0, -0.12], [1.49, -0.26, -0.118],
             [2.03, -0.52, -0.451]]  # fmt: skip
@@ -51,11 +53,13 @@ def tile_body(layer: int, first: int, values: list[float]) -> bytes:
     return frames.TILE_HEAD.pack(0x0102, layer, 0, *place) + packed
 
 
-NUMBERS = {  # flags and numbers of tiles that are not the next one
-    "tile_slope": (frames.MORE, 9),
-    "tile_cause": (0, 11),
-    "tile_age": (0, 12),
-    "tile_z": (frames.MORE, 13),
+NUMBERS = {  # flags, number and time of tiles that are not the next one
+    "tile_slope": (frames.MORE, 9, 1060),
+    "tile_cause": (0, 11, 1060),
+    "tile_age": (0, 12, 1060),
+    "tile_z": (frames.MORE, 13, 1060),
+    "tile_edge": (0, 17, 1100),
+    "tile_foothold": (frames.MORE, 18, 1100),
 }
 
 
@@ -72,7 +76,7 @@ SENT = {  # type, flags, number, time, body
     "digest": (frames.DIGEST, 0, 4, 1040, frames.encode_digest(7, 0x55964B82)),
     "stop_zone": (frames.STOP_ZONE, 0, 5, 1040, frames.encode_stop_zone(ZONE)),
     **{
-        name: (frames.TILE, *NUMBERS.get(name, (0, 6 + tile[0])), 1060, tile_body(*tile))
+        name: (frames.TILE, *NUMBERS.get(name, (0, 6 + tile[0], 1060)), tile_body(*tile))
         for name, tile in TILES.items()
     },
     "scan": (frames.SCAN, frames.MORE, 14, 1080, scan_body(0, 3)),

@@ -4,7 +4,7 @@ import re
 from datetime import UTC, datetime
 
 NOTE = re.compile(r"^# calibrated (\S+)[^\n]*\n", re.MULTILINE)  # the mount
-RANGES_NOTE = re.compile(r"^# ranges calibrated [^\n]*\n", re.MULTILINE)
+RANGES_NOTE = re.compile(r"^# ranges calibrated (\S+)[^\n]*\n", re.MULTILINE)
 HEAD = re.compile(r"^[ \t]*\[[ \t]*scanner[ \t]*\][^\n]*\n", re.MULTILINE)
 FORM = "%Y-%m-%dT%H:%M:%SZ"
 
@@ -33,9 +33,9 @@ def _with_line(text: str, what: str, command: str, now: datetime) -> str:
     return HEAD.sub(noted, text, count=1)
 
 
-def maybe_noted(text: str) -> datetime | None:
-    """What such a line says; None: there is none, or no date in it."""
-    found = NOTE.search(text)
+def maybe_noted(text: str, note: re.Pattern[str] = NOTE) -> datetime | None:
+    """What such a line says (`note`: of what); None: there is none, or no date in it."""
+    found = note.search(text)
     try:
         return datetime.strptime(found[1], FORM).replace(tzinfo=UTC) if found else None
     except ValueError:

@@ -47,7 +47,7 @@ def find_app(path: Path, base: Path) -> Iterator[Finding]:
     from config_file import read_key
     from core.config import ConfigError
     from tools.cli.options import configured
-    from tools.doctor.calibrated import of_calibration
+    from tools.doctor.calibrated import maybe_of_ranges, of_calibration
     from tools.doctor.kernels import of_kernels
     from tools.doctor.storage import find_storage
     from tools.doctor.wires import find_wires
@@ -63,7 +63,10 @@ def find_app(path: Path, base: Path) -> Iterator[Finding]:
     yield Finding("OK", "settings", f"{path} can be used")
     yield of_kernels(config)
     yield from find_wires(config, Path("/"))
-    yield of_calibration(path.read_text(encoding="utf-8"), datetime.now(UTC))
+    text, now = path.read_text(encoding="utf-8"), datetime.now(UTC)
+    yield of_calibration(text, now)
+    if ranges := maybe_of_ranges(text, now, config.scanner):
+        yield ranges
     yield from find_storage(config, base)
 
 

@@ -14,10 +14,12 @@ from hw.ports.url import parse_url
 from tests import ROOT
 from tests.support.plain_user import as_plain_user
 from tests.support.real_wires import pty_at
-from tools.calibration.noted import with_note
+from tools.calibration.noted import with_note, with_ranges_note
 from tools.doctor import calibrated, machine, network, service, storage, wires
 from tools.doctor.finding import Finding, status_of
 
+HOKUYO = load_config((ROOT / "robots" / "urg04lx.toml").read_text(encoding="utf-8"))
+CORRECTED = with_changes(HOKUYO, scanner={"correction": [0.01, 0.0, 0.0, 0.0]})
 UNIT = {
     "LoadState": "loaded",
     "ActiveState": "active",
@@ -216,6 +218,35 @@ def test_days_since_the_calibration(days: int, level: str, told: str) -> None:
 def test_settings_that_note_no_calibration() -> None:
     for text in ("[scanner]\n", "[scanner]\n# calibrated last week\n"):
         assert calibrated.of_calibration(text, NOW).says.startswith("never")
+
+
+@pytest.mark.parametrize(
+    ("days", "level", "told"),
+    [(3, "OK", "3 days ago"), (300, "warning", "300 days"), (-2, "warning", "yet to come")],
+)
+def test_days_since_the_ranges_were_calibrated(days: int, level: str, told: str) -> None:
+    text = with_note("[scanner]\nport = 1\n", NOW - timedelta(days=40))
+    text = with_ranges_note(text, NOW - timedelta(days=days))
+    found = calibrated.maybe_of_ranges(text, NOW, CORRECTED.scanner)
+    assert found is not None
+    assert (found.about, found.level, told in found.says) == ("ranges", level, True)
+    assert "40 days" in calibrated.of_calibration(text, NOW).says  # the mount has its own date
+
+
+def test_a_scanner_that_takes_a_correction_of_ranges_and_has_none() -> None:
+    text = with_note("[scanner]\n", NOW)
+    never = calibrated.maybe_of_ranges(text, NOW, HOKUYO.scanner)
+    assert never is not None
+    assert (never.level, never.says) == ("warning", "never calibrated: they are not corrected")
+    assert "mapod calibrate range" in never.advice
+    unknown = calibrated.maybe_of_ranges(text, NOW, CORRECTED.scanner)
+    assert unknown is not None
+    assert (unknown.level, "don't say when" in unknown.says) == ("warning", True)
+    undone = calibrated.maybe_of_ranges(with_ranges_note(text, NOW), NOW, HOKUYO.scanner)
+    assert undone is not None
+    assert (undone.level, "correction is 0" in undone.says) == ("warning", True)
+    shipped = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
+    assert calibrated.maybe_of_ranges(text, NOW, shipped.scanner) is None
 
 
 def test_folders_of_recordings(tmp_path: Path) -> None:

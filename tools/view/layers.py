@@ -22,7 +22,11 @@ UNITS = {
     "cause": ("", "cause"),
     "age": ("s", "age of the newest beam"),
     "z": ("m", "height in the map frame"),
+    "edge": ("m", "way to the next edge"),
+    "foothold": ("", "foothold: 0 none, 1 good"),
 }
+RANGES = {"edge": (0.0, 0.5), "foothold": (0.0, 1.0)}  # of those that end somewhere: the whole
+OF_A_CELL = ("height", "variance", "slope", "cause", "age", "z")  # asked for of a single one
 CAUSE = "cause"
 OFFERED = tuple(name for name in LAYERS if name in UNITS)
 NOT_HEARD = "the robot is not heard: this is old"
@@ -139,10 +143,11 @@ class Layers:
 
 
 def about(name: str) -> dict[str, object]:
-    """A layer in the message `hello`; of codes, each one's word."""
+    """A layer in the message `hello`; of codes, each one's word; where there is one, its range."""
     unit, label = UNITS[name]
     words = {"words": {code: cause.word for code, cause in CAUSES.items()}} if name == CAUSE else {}
-    return {"name": name, "unit": unit, "label": label, **words}
+    told = {"range": RANGES[name]} if name in RANGES else {}
+    return {"name": name, "unit": unit, "label": label, **words, **told}
 
 
 def word(code: float | None) -> str | None:
@@ -152,7 +157,7 @@ def word(code: float | None) -> str | None:
 
 
 class CellQuestion:
-    """What is known of one cell, asked for in all layers at once."""
+    """What is known of one cell, asked for in several layers at once."""
 
     def __init__(self, now_s: float, receiver: Receiver, i: int, j: int) -> None:
         self._receiver, self._i, self._j, self._until_s = receiver, i, j, now_s + ANSWER_S
@@ -162,7 +167,7 @@ class CellQuestion:
         self._state = receiver.cell(i - left, j - low) if inside else 0
         heard = not receiver.stale(now_s)
         self._text = "outside of the map" if not inside else "" if heard else NOT_HEARD
-        asked = OFFERED if inside and heard else ()
+        asked = OF_A_CELL if inside and heard else ()
         self._tiles = {name: receiver.ask_tile(name, i, j, 1, 1) for name in asked}
 
     def maybe_answer(self, now_s: float) -> dict[str, object] | None:

@@ -138,6 +138,8 @@ class Drive:
             "variance": 2e-5 + 1e-4 * np.minimum(self.t_s - self.seen_s, 60.0) / 60.0,
             "slope": np.arctan(np.hypot(slope_x, slope_y)),
             "age": self.t_s - self.seen_s,
+            "edge": np.where(self.cells == FREE, 0.3, 0.0),
+            "foothold": np.where(self.cells == FREE, 0.8, 0.2),
             "cause": np.where(self.cells == FREE, 1.0, np.where(true < 0.0, 3.0, 2.0)),
         }[name]
         return np.where(seen, values, math.nan).astype(np.float32)

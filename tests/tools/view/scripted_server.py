@@ -36,8 +36,10 @@ TOKEN = "correct-horse-battery"
 PERIOD_S = 0.1
 LAYERS = (
     ("height", "m", "height"), ("variance", "m²", "variance"), ("slope", "rad", "slope"),
-    ("age", "s", "age"), ("cause", "", "cause"),
+    ("age", "s", "age"), ("edge", "m", "way to the next edge"), ("foothold", "", "foothold"),
+    ("cause", "", "cause"),
 )  # fmt: skip
+RANGES = {"edge": {"range": [0.0, 0.5]}, "foothold": {"range": [0.0, 1.0]}}
 WORDS = ["unseen", "floor", "high: beyond h_pos_m", "drop: floor was due"]
 ALL_WELL = 0b111_1111
 ADVICE = {"clear": ["go", ""], "slow": ["slow", "a drop ahead"], "stop": ["stop", "a drop ahead"]}
@@ -70,7 +72,8 @@ class Script:
 
     def hello(self) -> dict[str, object]:
         layers: list[dict[str, object]] = [
-            {"name": name, "unit": unit, "label": label} for name, unit, label in LAYERS
+            {"name": name, "unit": unit, "label": label, **RANGES.get(name, {})}
+            for name, unit, label in LAYERS
         ]
         return {
             "type": "hello", "version": "0.1.0", "link": "udp://127.0.0.1:9750", "rate_hz": 10,

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mapod_link import tiles as wire
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tests.mapod_link.test_tiles import LAYERS, Sender
 from tests.support.cases import examples
 from tests.support.planner_sender import geom_body, map_body, op, pose_body
-from tools.view.layers import CellQuestion, Layers
+from tools.view.layers import OFFERED, CellQuestion, Layers, about
 from tools.view.window import F32, Window
 
 HEIGHT = 1  # its number on the wire
@@ -70,6 +71,15 @@ def test_each_cell_lies_where_it_is_in_the_world(moves: list[tuple[int, int]]) -
     cells = [[sender.raw(HEIGHT, at.i + i, at.j + j) for i in range(SIDE)] for j in range(SIDE)]
     unknown = [[raw == -32_768 for raw in row] for row in cells]
     np.testing.assert_array_equal(np.isnan(values), unknown)
+
+
+def test_every_layer_of_the_wire_but_the_class_is_offered_with_words_and_unit() -> None:
+    assert wire.LAYERS[1:] == OFFERED
+    offered = {name: about(name) for name in OFFERED}
+    assert all(told["label"] and "unit" in told for told in offered.values())
+    ranges = {name: told["range"] for name, told in offered.items() if "range" in told}
+    assert ranges == {"edge": (0.0, 0.5), "foothold": (0.0, 1.0)}  # as far as they can reach
+    assert (offered["edge"]["unit"], offered["foothold"]["unit"]) == ("m", "")
 
 
 def test_one_block_is_under_way_at_a_time_and_none_that_nobody_wants() -> None:

@@ -170,6 +170,12 @@ def test_layers_have_a_scale_and_codes_have_words(page: Page) -> None:
     page.browser.drawn()
     assert "−0.50 m" in page.browser.text("#legend")
     page.shot("height")
+    for name, least, most in (("edge", "0.000 m", "0.500 m"), ("foothold", "0.00", "1.00")):
+        page.click(f"input[value={name}]")
+        page.browser.wait(f"mapod.live.layers.has('{name}')")
+        page.browser.drawn()
+        told = page.browser.text("#legend").split("\n")
+        assert (told[0], told[2]) == (least, most), told
     page.click("input[value=cause]")
     page.browser.wait("mapod.live.layers.has('cause')")
     page.browser.drawn()

@@ -4,6 +4,7 @@ import { codeColour, ramp, rangeOf } from "./colours.js";
 import { capital, number } from "./words.js";
 
 const STATE = { name: "state", unit: "", label: "Obstacles" };
+const SIGNED = new Set(["height", "z"]); // 0 is the middle of their colours
 
 export class Layers extends EventTarget {
   /** Events: `choice`. */
@@ -66,9 +67,9 @@ export class Layers extends EventTarget {
     if (this.scale?.key !== key) {
       const about = this.known.find(({ name }) => name === layer.name);
       const is_codes = Boolean(about?.words) || layer.name === "cause";
-      const range = is_codes
-        ? { low: 0, high: 255 }
-        : rangeOf(layer.values, layer.name === "height");
+      const [low, high] = is_codes ? [0, 255] : (about?.range ?? []);
+      const range =
+        low === undefined ? rangeOf(layer.values, SIGNED.has(layer.name)) : { low, high };
       this.scale = { ...range, is_codes, key, about };
     }
     return layer;

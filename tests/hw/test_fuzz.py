@@ -4,14 +4,24 @@ import platform
 import re
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from tests import ROOT
-from tools.fuzz import CODECS, FRAMED, RAW, TIME, instruction, run_program
+from tools.fuzz import CODECS, FRAMED, NEEDS, RAW, TIME, instruction, run_program, write_seeds
 
 RUNS = 1500
+ABLE = [
+    pytest.param(
+        codec,
+        marks=pytest.mark.skipif(
+            codec in NEEDS and find_spec(NEEDS[codec]) is None, reason=f"needs {NEEDS.get(codec)}"
+        ),
+    )
+    for codec in CODECS
+]
 
 
 @pytest.mark.slow
@@ -19,7 +29,7 @@ RUNS = 1500
     platform.machine() != "x86_64",
     reason="the fuzzer has no wheel for this machine's processor",
 )
-@pytest.mark.parametrize("codec", CODECS)
+@pytest.mark.parametrize("codec", ABLE)
 def test_no_bytes_from_a_device_raise_hang_or_fill_the_memory(codec: str, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tools.fuzz", "--codec", codec]
     found = subprocess.run(
@@ -36,8 +46,15 @@ def test_no_bytes_from_a_device_raise_hang_or_fill_the_memory(codec: str, tmp_pa
     assert int(executed[1]) >= RUNS  # the seeds come on top
 
 
-@pytest.mark.parametrize("codec", CODECS)
+@pytest.mark.parametrize("codec", ABLE)
 def test_the_harness_itself_feeds_frames_junk_and_time(codec: str) -> None:
     program = instruction(RAW, b"junk\x02\xfa\r") + instruction(FRAMED, b"\x31")
     program += instruction(TIME, b"")[:1] + (500).to_bytes(2, "big")
     run_program(codec, program + instruction(FRAMED, b"sAN SetAccessMode \x01"))
+
+
+def test_the_camera_measures_in_its_seed_and_by_framed_images(tmp_path: Path) -> None:
+    pytest.importorskip(NEEDS["stripe"])
+    write_seeds("stripe", tmp_path)
+    assert run_program("stripe", (tmp_path / "conversation").read_bytes()) > 0
+    assert run_program("stripe", (tmp_path / "image").read_bytes()) == 1

@@ -179,12 +179,12 @@ def checks_an_error(bench: Bench, trouble: int, seconds: float) -> None:
     ],
     ids=["laser off", "restart", "short check", "long check", "trouble"],
 )
-@pytest.mark.parametrize("is_classic", [True, False])
+@pytest.mark.parametrize("model", ["URG-04LX", "URG-04LX-UG01", "UTM-30LX"])
 def test_within_a_second_of_a_faults_end_it_measures_again(
-    is_classic: bool, fault: Callable[[Bench], None], phase_s: float
+    model: str, fault: Callable[[Bench], None], phase_s: float
 ) -> None:
-    bench = Bench("URG-04LX" if is_classic else "URG-04LX-UG01", characters=2, cluster=2)
-    bench.fake.baud = None  # by USB
+    bench = Bench(model, characters=2, cluster=2)
+    bench.fake.baud = None  # by USB or TCP
     bench.run(6.0 + phase_s)
     fault(bench)
     bench.fake.baud = None

@@ -17,10 +17,11 @@ from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, Solid
 from tools.rig.faults import Fault
 from tools.rig.judge import Judge, truth_of
-from tools.rig.loop import Loop
+from tools.rig.loop import SHIPPED, Loop, rig_config
 
 F64 = npt.NDArray[np.float64]
 
+ROBOTS = SHIPPED.with_name("robots")
 SPEED_MPS = 0.8
 ASK_S, VALID_S = 0.1, 0.3  # between two requests, and of each
 PATIENCE_S, LET_GO_S = 1.5, 0.4  # standing in vain, and then without asking
@@ -116,7 +117,11 @@ class Outcome:
 
 
 class Drive:
-    """One drive in the hall (or `scene`) with faults from, to span_s, and wait_s after them."""
+    """One drive in the hall (or `scene`) with faults from, to span_s, and wait_s after them.
+
+    Args:
+        robot: whose settings of robots/ it has; "": the shipped ones.
+    """
 
     def __init__(
         self,
@@ -125,10 +130,12 @@ class Drive:
         wait_s: float,
         seed: int = 1,
         scene: Scene | None = None,
+        robot: str = "",
     ) -> None:
         scene = scene or hall()
         self.planner = Pusher()
-        self.loop = Loop(scene, seed, planner=self.planner)
+        config = rig_config(scene, ROBOTS / f"{robot}.toml") if robot else None
+        self.loop = Loop(scene, seed, config, self.planner)
         self.loop.set_faults(orders)
         self._judge = Judge(scene)
         self.outcome = Outcome(*span_s)
@@ -292,7 +299,9 @@ def harm(outcome: Outcome) -> list[str]:
 
 
 def drive_with(*faults: Fault, seed: int = 1, start_s: float = FAULT_FROM_S) -> Outcome:
+    """Faults of one robot at once."""
+    [robot] = {fault.robot for fault in faults}
     orders = [order for fault in faults for order in fault.orders(start_s)]
     end_s = start_s + max(fault.lasts_s for fault in faults)
     wait_s = sum(fault.recovers_s for fault in faults) + SPARE_S
-    return Drive(orders, (start_s, end_s), wait_s, seed).run()
+    return Drive(orders, (start_s, end_s), wait_s, seed, robot=robot).run()

@@ -18,6 +18,7 @@ from rich.table import Table
 
 from tools.rig.fault_run import FAULT_FROM_S, Outcome, drive_with, problems, problems_of_pair
 from tools.rig.faults import CATALOGUE, Fault
+from tools.rig.faults_urg04lx import ROBOT, URG04LX
 from tools.sweep.jobs import Failure, with_bar
 from tools.sweep.local import LocalProcesses
 
@@ -54,8 +55,8 @@ class Job:
 
     @property
     def group(self) -> str:
-        """The device, or "pairs"."""
-        return self.faults[0].device if len(self.faults) == 1 else "pairs"
+        """The device, the robot if that is not the shipped one, or "pairs"."""
+        return self.faults[0].robot or self.faults[0].device if len(self.faults) == 1 else "pairs"
 
 
 @dataclass(slots=True)
@@ -72,16 +73,19 @@ class Row:
 
 
 def jobs(pairs: int, rounds: int, seed: int, only: str = "") -> list[Job]:
-    """All drives: each fault so many times, then pairs of different devices' faults."""
+    """All drives: each fault so many times, then pairs of different devices' faults.
+
+    Pairs are the shipped robot's.
+    """
     chance = random.Random(f"fault campaign {seed}")
-    chosen = [fault for fault in CATALOGUE if only in fault.title]
+    chosen = [fault for fault in (*CATALOGUE, *URG04LX) if only in fault.title]
 
     def start_s() -> float:
         return round(FAULT_FROM_S + chance.uniform(EARLIER_S, LATER_S), 2)
 
     first = [FAULT_FROM_S, *(start_s() for _ in range(rounds - 1))]
     found = [Job((fault,), seed + k, at_s) for fault in chosen for k, at_s in enumerate(first)]
-    noticed = [fault for fault in chosen if fault.is_noticed]
+    noticed = [fault for fault in chosen if fault.is_noticed and not fault.robot]
     for _ in range(pairs if noticed else 0):
         one = chance.choice(noticed)
         others = [f for f in CATALOGUE if f.device != one.device and f.is_noticed]
@@ -139,7 +143,7 @@ def _seconds(seconds: float | None, none: str) -> str:
 
 
 def summary(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
-    for group in ("scanner", "ahrs", "drive", "planner", "pairs"):
+    for group in ("scanner", "ahrs", "drive", "planner", ROBOT, "pairs"):
         chosen = [row for row in rows if row.job.group == group]
         outcomes = [row.outcome for row in chosen if row.outcome is not None]
         stood = [one for one in outcomes if one.stood_s is not None]
@@ -163,7 +167,7 @@ def _spread(values: Sequence[float | None]) -> str:
 
 
 def show(rows: Sequence[Row], console: Console) -> None:
-    table = Table(*COLUMNS, title="faults while driving at 0.8 m/s", row_styles=("", "dim"))
+    table = Table(*COLUMNS, title="faults while driving", row_styles=("", "dim"))
     for column in table.columns:
         column.overflow = "fold"
     for row in rows:

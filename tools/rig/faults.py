@@ -33,6 +33,7 @@ class Fault:
     then: tuple[str, ...] = ()  # events that happen 0.1 s after its begin
     after: tuple[str, ...] = ()  # events 0.2 s after its end, as a person would see to them
     drawn: bool = True  # a campaign may draw it at random
+    robot: str = ""  # whose settings of robots/ it drives with; "": the shipped ones
 
     @property
     def device(self) -> str:
@@ -45,7 +46,8 @@ class Fault:
 
     @property
     def title(self) -> str:
-        return " + ".join([self.own, *self.also, *self.then])
+        title = " + ".join([self.own, *self.also, *self.then])
+        return f"{self.robot}: {title}" if self.robot else title
 
     @property
     def is_noticed(self) -> bool:

@@ -64,10 +64,10 @@ class TappedPort(MemoryPort):
                 tap(self._name, way, data)
 
 
-def rig_config(scene: Scene) -> Config:
-    """The settings as shipped, with a larger map, of a robot that may be driven in this scene."""
+def rig_config(scene: Scene, settings: Path = SHIPPED) -> Config:
+    """Settings with a larger map, of a robot that may be driven in this scene."""
     return with_changes(
-        load_config(SHIPPED.read_text(encoding="utf-8")),
+        load_config(settings.read_text(encoding="utf-8")),
         robot={"enable_motors": True, "start_clear_m": scene.start_clear_m},
         map={"cells": CELLS},
     )

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments placement sensitivity pictures \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -137,6 +137,9 @@ sensitivity: setup ## docs/method.md's picture: each constant halved and doubled
 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))
+
+terrain: setup $(VENV)/.ready-camera ## docs/terrain.md's maps of centimetres, by each method: tables and pictures; a quarter of an hour [ARGS=--quick]
+	@$(BIN)/python -m tools.experiments.terrain $(ARGS)
 
 fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the codecs, then of the C header [MINUTES=10 each]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))

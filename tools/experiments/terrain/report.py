@@ -1,0 +1,97 @@
+"""The tables of the terrain maps, and their place in docs/terrain.md."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from core.records import F64
+from tools.experiments.terrain.measure import Figures
+from tools.experiments.terrain.methods import NAMES
+from tools.experiments.terrain.runs import Results
+from tools.experiments.terrain.scenes import SIZES_M, THINGS
+
+BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
+PAPER = {"stripe": (16.5, 10.0, 3.9, 4.2), "URG-04LX": (6.8, 5.0, 2.6, 17.7)}
+
+
+def _row(*cells: str) -> str:
+    return "| " + " | ".join(cells) + " |"
+
+
+def _head(*names: str) -> list[str]:
+    return [_row(*names), "|" + "---|" * len(names)]
+
+
+def quartiles(off: F64) -> str:
+    """Median of the size of relative errors (n,), with its quartiles, percent; NaN: never told."""
+    told = 100.0 * np.abs(off[np.isfinite(off)])
+    if not told.size:
+        return "never"
+    low, middle, high = np.quantile(told, (0.25, 0.5, 0.75))
+    rest = f", {off.size - told.size} none" if told.size < off.size else ""
+    return f"{middle:.1f} ({low:.1f} to {high:.1f}{rest})"
+
+
+def sizes_table(found: Results) -> list[str]:
+    sizes = [f"{name}: {1000 * size_m:.0f} mm" for name, size_m in SIZES_M.items()]
+    rows = _head("sensor", "method", *sizes)
+    for sensor, told in PAPER.items():
+        rows.append(_row(sensor, "the paper's own", *(f"{percent:.1f}" for percent in told)))
+    for sensor, runs in (("URG-04LX", found.by_urg), ("stripe", found.by_stripe)):
+        for name in runs[0]:
+            off = np.array([run[name] for run in runs])
+            rows.append(_row(sensor, name, *(quartiles(off[:, k]) for k in range(len(sizes)))))
+    return rows
+
+
+def _mean(figures: Sequence[Figures]) -> Figures:
+    """Of each; of the rms, over the maps that know anything."""
+    rms_m, *rest = np.array(figures, dtype=float).T
+    told = rms_m[np.isfinite(rms_m)]
+    return Figures(float(told.mean()) if told.size else np.nan, *(part.mean() for part in rest))
+
+
+def _told(figures: Figures) -> tuple[str, ...]:
+    rms = f"{1000 * figures.rms_m:.1f}" if np.isfinite(figures.rms_m) else "-"
+    artefacts = f"{figures.too_high:.1f}", f"{figures.too_low:.1f}"
+    return rms, f"{100 * figures.unknown:.1f}", *artefacts
+
+
+def things_table(found: Results) -> list[str]:
+    names = ("rms mm", "unknown %", "too high", "too low")
+    rows = _head("thing", "method", *names, "told at all")
+    for thing in THINGS:
+        runs = found.things[thing]
+        for name in NAMES:
+            seen = [run[name] for run in runs]
+            there = f"{sum(one.is_there for one in seen)} of {len(seen)}"
+            rows.append(_row(thing, name, *_told(_mean([one.figures for one in seen])), there))
+    return rows
+
+
+def rocks_table(found: Results) -> list[str]:
+    rows = _head("body", "method", "rms mm", "unknown %", "too high", "too low")
+    for walk, runs in found.rocks.items():
+        for name in NAMES:
+            rows.append(_row(walk, name, *_told(_mean([run[name] for run in runs]))))
+    return rows
+
+
+def tables(found: Results) -> str:
+    """All three, as Markdown."""
+    seeds = found.seeds
+    parts = (
+        (f"**Sizes of two boxes**: relative error in %, {seeds.sizes} seeds.", sizes_table),
+        (f"**Single things**: means of {seeds.things} seeds.", things_table),
+        (f"**Rocks**: means of {seeds.rocks} seeds.", rocks_table),
+    )
+    return "\n\n".join("\n".join([title, "", *table(found)]) for title, table in parts)
+
+
+def with_tables(document: str, told: str) -> str:
+    """A document with other tables between its two marks; ValueError: it has not both."""
+    before, begin, rest = document.partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not (begin and end):
+        raise ValueError(f"the document must have the lines {BEGIN} and {END}")
+    return f"{before}{BEGIN}\n\n{told}\n\n{END}{after}"

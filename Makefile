@@ -138,7 +138,7 @@ sensitivity: setup ## docs/method.md's picture: each constant halved and doubled
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))
 
-terrain: setup $(VENV)/.ready-camera ## docs/terrain.md's maps of centimetres, by each method: tables and pictures; a quarter of an hour [ARGS=--quick]
+terrain: setup $(VENV)/.ready-camera ## docs/terrain.md's maps of centimetres, by each method: tables and pictures; ten minutes [ARGS=--quick]
 	@$(BIN)/python -m tools.experiments.terrain $(ARGS)
 
 fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the codecs, then of the C header [MINUTES=10 each]

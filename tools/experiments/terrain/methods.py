@@ -6,6 +6,7 @@ method and heights of obstacles are 0.3 of those in the former, for 3 cm are to 
 """
 
 import math
+from functools import cache
 from typing import Any, NamedTuple
 
 import msgspec
@@ -13,12 +14,14 @@ import numpy as np
 
 from config_file import load_config, with_changes
 from core.config import Config
+from core.map_settings import Certainty
 from core.mapping.certainty.maps import CertaintyMaps
+from core.mapping.certainty.scans import drop_shadows
 from core.mapping.layers import maybe_values
 from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.surface.maps import SurfaceMaps
-from core.records import F64, I64
+from core.records import F64, I64, Scan
 from tools.cli.options import ROBOTS
 from tools.experiments.terrain.ride import PERIOD_S, STEP_M, Gait
 from tools.experiments.terrain.sensors import SIDE_DEG, URG_NAME, Mount
@@ -34,15 +37,17 @@ NOTHING: dict[str, Any] = {
     "cas": False,
     "fill": False,
 }
-STEPS: dict[str, dict[str, Any]] = {  # what each turns on; lengths are scaled
-    "groups": {"min_group": 3},
-    "three scans": {"three_scans": True},
-    "CAS": {"cas": True},
-    "shadow filter": {"shadow_deg": 10.0},
+STEPS = {  # settings that each takes from the shipped ones
+    "groups": ("min_group",),
+    "three scans": ("three_scans",),
+    "CAS": ("cas",),
+    "shadow filter": ("shadow_deg",),
 }
-ALL: dict[str, Any] = {key: value for step in STEPS.values() for key, value in step.items()}
-CERTAINTY = {"none": {}, **STEPS, "all": ALL, "all, filled": {**ALL, "fill": True}}
-NAMES = (*(f"certainty, {steps}" for steps in CERTAINTY), "surface", "reference_plane")
+ALL = tuple(key for keys in STEPS.values() for key in keys)
+CERTAINTY = {"none": (), **STEPS, "all": ALL, "all, filled": (*ALL, "fill")}
+LENGTHS = ("group_gap_m", "three_scans_m", "cas_height_m")
+SHADED = "surface, shadow filter"  # which is no part of it: its scans go through that first
+NAMES = (*(f"certainty, {steps}" for steps in CERTAINTY), "surface", SHADED, "reference_plane")
 
 
 class Region(NamedTuple):
@@ -60,8 +65,34 @@ class Region(NamedTuple):
         return i, j
 
 
+@cache
 def _robot(name: str) -> Config:
     return load_config(ROBOTS[name].read_text(encoding="utf-8"))
+
+
+def _shipped() -> Certainty:
+    given = _robot("urg04lx").certainty
+    assert given is not None  # the file has it
+    return given
+
+
+def _turn_degps(gait: Gait) -> float:
+    """Of roll, pitch and yaw: how fast they seem to change by their errors."""
+    return SIGMAS * math.degrees(gait.angle_rad) / PERIOD_S
+
+
+def _certainty_of(steps: str, gait: Gait) -> dict[str, Any]:
+    given, turn_degps = _shipped(), _turn_degps(gait)
+    bob_mps = 4.0 * math.pi * gait.stride_hz * gait.bob_m
+    return {
+        **msgspec.to_builtins(given),
+        "pitch_degps": max(given.pitch_degps, turn_degps),
+        "roll_degps": max(given.roll_degps, turn_degps),
+        "lift_mps": max(given.lift_mps, SIGMAS * gait.place_m / PERIOD_S + bob_mps),
+        **{key: SMALLER * getattr(given, key) for key in LENGTHS},
+        **NOTHING,
+        **{key: getattr(given, key) for key in CERTAINTY[steps]},
+    }
 
 
 def settings_of(name: str, mount: Mount, gait: Gait) -> Config:
@@ -69,28 +100,14 @@ def settings_of(name: str, mount: Mount, gait: Gait) -> Config:
     if name not in NAMES:
         raise ValueError(f"method: must be one of {', '.join(NAMES)}, is {name!r}")
     method, _, steps = name.partition(", ")
-    turn_degps = SIGMAS * math.degrees(gait.angle_rad) / PERIOD_S
-    swing_radps = 2.0 * math.pi * gait.stride_hz * gait.yaw_rad
-    lift_mps = SIGMAS * gait.place_m / PERIOD_S + 4.0 * math.pi * gait.stride_hz * gait.bob_m
-    base = _robot("ragno" if mount.is_stripe else "urg04lx")
     urg = {"model": URG_NAME, "from_deg": -SIDE_DEG, "to_deg": SIDE_DEG}
-    wide = _robot("urg04lx")
-    assert wide.certainty is not None
-    lengths = ("group_gap_m", "three_scans_m", "cas_height_m")
-    steps_of_certainty = {
-        **msgspec.to_builtins(wide.certainty),
-        "pitch_degps": max(wide.certainty.pitch_degps, turn_degps),
-        "roll_degps": max(wide.certainty.roll_degps, turn_degps),
-        "lift_mps": max(wide.certainty.lift_mps, lift_mps),
-        **{key: SMALLER * getattr(wide.certainty, key) for key in lengths},
-        **NOTHING,
-        **CERTAINTY.get(steps, {}),
-    }
+    swing_radps = 2.0 * math.pi * gait.stride_hz * gait.yaw_rad
+    obstacle = _robot("urg04lx").obstacle
     return with_changes(
-        base,
+        _robot("ragno" if mount.is_stripe else "urg04lx"),
         robot={
             "max_speed_mps": STEP_M / PERIOD_S,
-            "max_turn_radps": max(LEAST_TURN_RADPS, swing_radps + math.radians(turn_degps)),
+            "max_turn_radps": max(LEAST_TURN_RADPS, swing_radps + math.radians(_turn_degps(gait))),
         },
         scanner={
             **({} if mount.is_stripe else urg),
@@ -100,12 +117,21 @@ def settings_of(name: str, mount: Mount, gait: Gait) -> Config:
         },
         map={"method": method, "cells": CELLS, "cell_m": CELL_M},
         obstacle={
-            "h_pos_m": SMALLER * wide.obstacle.h_pos_m,
-            "h_neg_m": SMALLER * wide.obstacle.h_neg_m,
+            "h_pos_m": SMALLER * obstacle.h_pos_m,
+            "h_neg_m": SMALLER * obstacle.h_neg_m,
             "window_cells": CELLS,
         },
-        **({"certainty": steps_of_certainty} if method == "certainty" else {}),
+        **({"certainty": _certainty_of(steps, gait)} if method == "certainty" else {}),
     )
+
+
+def without_shadows(scan: Scan) -> Scan:
+    """A scan after the shadow filter of certainty, as shipped."""
+    given = _shipped()
+    ranges_m, room = scan.ranges_m[0].copy(), np.zeros(scan.ranges_m.shape[1], np.uint8)
+    least_rad = math.radians(given.shadow_deg)
+    drop_shadows(ranges_m, scan.step_rad, least_rad, given.shadow_beams, room)
+    return msgspec.structs.replace(scan, ranges_m=ranges_m[None])
 
 
 def maps_of(config: Config) -> Maps:

@@ -11,6 +11,7 @@ from core.records import F64
 from tools.experiments.pictures import upright
 from tools.experiments.terrain import scenes
 from tools.experiments.terrain.measure import ARTEFACT_M, Truth, off_m, truth_of
+from tools.experiments.terrain.methods import SHADED
 from tools.experiments.terrain.ride import STEADY
 from tools.experiments.terrain.trials import (
     BOXES,
@@ -24,7 +25,7 @@ from tools.experiments.terrain.trials import (
 )
 
 SEED = 1
-DRAWN = ("certainty, none", "certainty, all", "surface", "reference_plane")
+DRAWN = ("certainty, none", "certainty, all", "surface", SHADED, "reference_plane")
 BROWN, LIGHT = np.array([90.0, 60.0, 30.0]), np.array([240.0, 232.0, 215.0])
 RED, BLUE, WHITE = (225, 30, 40), (30, 80, 230), (255, 255, 255)
 HIGHEST_M = 0.18  # drawn darkest
@@ -67,12 +68,12 @@ def draw_all(folder: Path) -> list[str]:
     by_stripe = mapped_m(scene, STRIPE, BOXES, STEADY, SEED, BY_STRIPE)
     panels = [("truth", truth.high_m), *told.items()]
     panels += [(f"{name}, stripe", heights_m) for name, heights_m in by_stripe.items()]
-    sheet(panels, truth, 3, 3).save(folder / BOXES_PNG, optimize=True)
+    sheet(panels, truth, 3, 4).save(folder / BOXES_PNG, optimize=True)
     scene = scenes.scene("rocks", *scenes.rocks(SEED))
     truth, panels = truth_of(scene, ROCKY), []
     for walk, gait in GAITS.items():
-        mapped = mapped_m(scene, FLAT, ROCKY, gait, SEED, DRAWN[:3])
+        mapped = mapped_m(scene, FLAT, ROCKY, gait, SEED, DRAWN[:4])
         panels += [("truth", truth.high_m)]
         panels += [(f"{name}, {walk}", heights_m) for name, heights_m in mapped.items()]
-    sheet(panels, truth, 1, 4).save(folder / ROCKS_PNG, optimize=True)
+    sheet(panels, truth, 1, 5).save(folder / ROCKS_PNG, optimize=True)
     return [BOXES_PNG, ROCKS_PNG]

@@ -6,12 +6,20 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from core.records import F64
+from core.records import F64, Scan
 from fakes.scenes.scene import Scene
 from hw.stripe.options import StripeOptions
 from tools.experiments.terrain import scenes
 from tools.experiments.terrain.measure import Figures, figures, truth_of, width_and_height_m
-from tools.experiments.terrain.methods import NAMES, Region, heights_m, maps_of, settings_of
+from tools.experiments.terrain.methods import (
+    NAMES,
+    SHADED,
+    Region,
+    heights_m,
+    maps_of,
+    settings_of,
+    without_shadows,
+)
 from tools.experiments.terrain.ride import STEADY, STEP_M, WALKING, Gait, Ride, Sensor
 from tools.experiments.terrain.sensors import Mount, Stripe, Urg
 
@@ -47,8 +55,9 @@ def mapped_m(
     ride = Ride(sensor, (begin_m - LEAD_M, end_m + LEAD_M), gait, seed)
     maps = {name: maps_of(config) for name, config in configs.items()}
     for scan in ride.scans():
-        for one in maps.values():
-            one.add(scan, ride.attitudes, ride.track)
+        for name, one in maps.items():
+            given = without_shadows(scan) if name == SHADED and isinstance(scan, Scan) else scan
+            one.add(given, ride.attitudes, ride.track)
     return {name: heights_m(one, region) for name, one in maps.items()}
 
 

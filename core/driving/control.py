@@ -21,7 +21,7 @@ from core.driving.stop_zone import (
     Place,
     StopZone,
 )
-from core.mapping.method import Maps
+from core.mapping.method import Maps, is_low
 from core.motion.track import Pose
 from core.records import OBSTACLE, DriveRequest
 
@@ -227,7 +227,7 @@ class DriveControl:
 
     def is_drop(self, obstacle: Obstruction) -> bool:
         """Whether that is lower than the ground, or ground that did not show."""
-        return self._maps.is_low(obstacle.i, obstacle.j)
+        return is_low(self._maps, obstacle.i, obstacle.j)
 
     def _powers(self) -> Powers:
         rim_mps = 0.5 * self._robot.track_width_m * self.w_radps

@@ -21,6 +21,7 @@ STANDS, LOW, NO_FLOOR, TOO_HIGH, TOO_LOW, OBSTACLE_BEFORE, BEYOND_STEP, BRINK = 
 # why free is held back: the input that is not to be trusted
 TILTED, NO_SCANS, NO_ATTITUDE, NO_COUNTS, NO_POSE, NOT_MAPPED = range(192, 198)
 FIRST_FREE, FIRST_OBSTACLE, FIRST_DOUBT = 64, 128, 192
+LOW_GROUND = frozenset((LOW, NO_FLOOR, TOO_LOW, BEYOND_STEP))  # a drop; others stand
 
 
 class Cause(NamedTuple):

@@ -2,8 +2,11 @@
 
 from typing import Protocol
 
+import numpy as np
+
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
+from core.mapping.causes import LOW_GROUND
 from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.layers import RingLayer
@@ -50,5 +53,9 @@ class Maps(Protocol):
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell inside of the window, by what it counts."""
 
-    def is_low(self, i: int, j: int) -> bool:
-        """Whether an obstacle cell (world cell indices) is a drop, not something that stands."""
+
+def is_low(maps: Maps, i: int, j: int) -> bool:
+    """Whether a world cell is told as an obstacle for its ground: a drop, nothing that stands."""
+    if not maps.window.is_obstacle(i, j):
+        return False
+    return int(maps.causes(np.array([i]), np.array([j]))[0]) in LOW_GROUND

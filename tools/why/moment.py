@@ -15,6 +15,7 @@ from app import App
 from core.driving import health
 from core.driving.stop_zone import Obstruction, cells_near
 from core.mapping.causes import CAUSES, OUTSIDE
+from core.mapping.method import is_low
 from core.records import FREE, OBSTACLE, DriveRequest, PoseReport
 from mapod_link.bodies import ZONE_CAUSES, ZONE_STATES
 from tools.replay.player import Player
@@ -204,7 +205,7 @@ def stands_of(watch: Watch, now_s: float) -> dict[str, Any]:
         bars = cell_facts(app, (found.i, found.j))
         assert bars is not None
         bars["free_m"] = round(found.free_m, 3)
-        is_drop = found.state == OBSTACLE and app.mapper.maps.is_low(found.i, found.j)
+        is_drop = found.state == OBSTACLE and is_low(app.mapper.maps, found.i, found.j)
         bars["is_drop"] = is_drop
     control = app.pilot.control
     return {

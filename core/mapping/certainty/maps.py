@@ -18,7 +18,6 @@ from core.grid.touched import Touched
 from core.grid.window import ObstacleWindow
 from core.mapping import layers
 from core.mapping.body import BodyPose, body_pose_at
-from core.mapping.causes import TOO_LOW
 from core.mapping.certainty import scans
 from core.mapping.certainty.cas import heights_at, mark
 from core.mapping.certainty.cells import Cells, Pass, Rules, gather, update, widen
@@ -288,9 +287,3 @@ class CertaintyMaps:
         self.window.erase()
         for kept in self._scans:
             kept.beams = (0, 0.0, 0.0)
-
-    def is_low(self, i: int, j: int) -> bool:
-        """Whether an obstacle cell is one because it lies low."""
-        if not self.window.is_obstacle(i, j):
-            return False
-        return int(self.causes(np.array([i]), np.array([j]))[0]) == TOO_LOW

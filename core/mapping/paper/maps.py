@@ -266,9 +266,3 @@ class ReferencePlaneMaps:
         """Average heights (size, size) of what the window shows, in its layout; NaN: nothing."""
         averages_m = self.plane.elevation_m.ravel()
         return np.where(self._source == NOWHERE, np.nan, averages_m[self._source])
-
-    def is_low(self, i: int, j: int) -> bool:
-        size = self.window.grid.size
-        at = int(self._source[j % size, i % size])
-        low_m = self.plane.settings.h_neg_m
-        return at != NOWHERE and bool(self.plane.elevation_m.flat[at] <= low_m)

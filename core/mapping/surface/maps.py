@@ -19,7 +19,6 @@ from core.grid.touched import Touched
 from core.grid.window import ObstacleWindow, Shown
 from core.mapping import along, layers
 from core.mapping.body import BodyPose, Sway, body_pose_at
-from core.mapping.causes import BEYOND_STEP, NO_FLOOR
 from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.rays import BeamGeometry
@@ -278,10 +277,3 @@ class SurfaceMaps:
         self.window.erase()
         self._stood, self._moved = None, False
         self._surface = self._surface._replace(limits=self._limits)
-
-    def is_low(self, i: int, j: int) -> bool:
-        """Whether an obstacle cell is one by missing ground, not by something that stands."""
-        if not self.window.is_obstacle(i, j):
-            return False
-        cause = int(self.causes(np.array([i]), np.array([j]))[0])
-        return cause in (NO_FLOOR, BEYOND_STEP)

@@ -10,7 +10,7 @@ from tests import ROOT
 
 def test_each_cause_has_a_code_of_its_states_range_a_word_and_a_sentence() -> None:
     codes = {name: code for name, code in vars(causes).items() if name.isupper()}
-    for other in ("CAUSES", "OUTSIDE", "FIRST_FREE", "FIRST_OBSTACLE", "FIRST_DOUBT"):
+    for other in ("CAUSES", "LOW_GROUND", "OUTSIDE", "FIRST_FREE", "FIRST_OBSTACLE", "FIRST_DOUBT"):
         del codes[other]
     for state in ("UNKNOWN", "FREE", "OBSTACLE"):
         del codes[state]

@@ -15,6 +15,7 @@ from core.mapping.certainty.maps import CertaintyMaps
 from core.mapping.footing import Footing
 from core.mapping.layers import maybe_values
 from core.mapping.mapper import Mapper
+from core.mapping.method import is_low
 from core.records import FREE, OBSTACLE, UNKNOWN, PointSweep, WheelCounts
 from tests import ROOT
 from tests.core.mapping.test_rays import scan_of
@@ -104,8 +105,8 @@ def test_floor_a_box_and_a_pit_are_told_as_what_they_are(three_scans: bool) -> N
     pit_m = 1.12 * (AHEAD_M - MOUNT_X_M) + MOUNT_X_M
     pit_y_m = (pit_m - MOUNT_X_M) * math.tan(BEARING_RAD[175])
     assert robot.cause(pit_m, pit_y_m) == TOO_LOW
-    assert robot.maps.is_low(*robot.maps.grid.cell_of(pit_m, pit_y_m))
-    assert not robot.maps.is_low(*robot.maps.grid.cell_of(5.2, 0.0))
+    assert is_low(robot.maps, *robot.maps.grid.cell_of(pit_m, pit_y_m))
+    assert not is_low(robot.maps, *robot.maps.grid.cell_of(5.2, 0.0))
     assert robot.cause(AHEAD_M, 0.0) == UNSEEN  # behind the box
     assert robot.layer("height", 5.2, 0.0) == pytest.approx(1.08 - 5.0 * math.sin(0.1309), abs=0.01)
     assert robot.layer("z", AHEAD_M, 2.0) == pytest.approx(0.0, abs=1e-9)
@@ -116,7 +117,7 @@ def test_floor_a_box_and_a_pit_are_told_as_what_they_are(three_scans: bool) -> N
     assert robot.maps.maybe_ring("variance") is None
     at = robot.maps.grid.cell_of(AHEAD_M, 2.0)
     assert robot.maps.evidence(*at)["certainty of its height"] > 10
-    assert not robot.maps.is_low(*at)
+    assert not is_low(robot.maps, *at)
 
 
 @pytest.mark.parametrize("cell_m", [0.005, 0.010, 0.015])

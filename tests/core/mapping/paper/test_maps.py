@@ -11,6 +11,7 @@ from config_file import load_config, with_changes
 from core.config import Config
 from core.mapping.layers import maybe_layer
 from core.mapping.mapper import Mapper
+from core.mapping.method import is_low
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.records import FREE, OBSTACLE, UNKNOWN, WheelCounts
 from tests import ROOT
@@ -153,7 +154,7 @@ def test_only_what_changed_is_told_and_erasing_forgets_all() -> None:
     assert not window.cells.any()
     assert np.isnan(maps.heights_m()).all()
     assert np.isnan(maps.plane.elevation_m).all()
-    assert not maps.is_low(0, 0)
+    assert not is_low(maps, 0, 0)
 
 
 def test_another_ground_and_other_beams_begin_an_epoch_with_the_newest_scan_alone() -> None:
@@ -187,7 +188,7 @@ def test_floor_is_free_where_it_is_a_hole_is_low_and_a_box_is_not() -> None:
         drive.scan(FLOOR_M * factor, 0.5)
         obstacles = [at for at, state in straight(drive.maps).items() if state == OBSTACLE]
         assert obstacles
-        assert {drive.maps.is_low(*at) for at in obstacles} == {low}
+        assert {is_low(drive.maps, *at) for at in obstacles} == {low}
 
 
 def test_heights_stand_where_the_window_shows_something() -> None:

@@ -8,6 +8,7 @@ import pytest
 from core.mapping import causes
 from core.mapping.freshness import SWEEP_S
 from core.mapping.layers import ON_ASKING, UNITS, maybe_layer, maybe_values
+from core.mapping.method import is_low
 from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import COMPILED
@@ -198,8 +199,8 @@ def test_erasing_forgets_everything() -> None:
     rig = drive(World(ditch(9.05, 0.6)), 2.0)
     maps = maps_of(rig)
     low = [maps.window.grid.cell_of(*place) for place in places_where(rig, OBSTACLE).tolist()]
-    assert sum(maps.is_low(i, j) for i, j in low) > 0.9 * len(low) > 20
-    assert not any(maps.is_low(i + maps.window.grid.size, j) for i, j in low)
+    assert sum(is_low(maps, i, j) for i, j in low) > 0.9 * len(low) > 20
+    assert not any(is_low(maps, i + maps.window.grid.size, j) for i, j in low)
     epoch = maps.window.epoch
     maps.erase()
     assert maps.window.epoch == epoch + 1
@@ -207,7 +208,7 @@ def test_erasing_forgets_everything() -> None:
     assert len(maps.window.take_changed()) == 0
     assert not maps.cells["looks"].any()
     assert not np.isfinite(maps.cells["var_m2"]).any()
-    assert not any(maps.is_low(i, j) for i, j in low)
+    assert not any(is_low(maps, i, j) for i, j in low)
     assert not maps.static_rad.any()
     i, j = np.array(low).T
     for name in ("state", "height", "z", "variance", "slope", "step", "roughness", "age"):

@@ -17,7 +17,6 @@ from hw.mti.session import Mti, MtiOptions
 from hw.no_drive.session import NoDrive, NoDriveOptions
 from hw.ports.url import parse_url
 from hw.stripe.options import StripeOptions
-from hw.stripe.session import StripeScanner
 from hw.urg04lx.options import Urg04lxOptions
 from hw.urg04lx.session import Urg04lx
 
@@ -139,7 +138,9 @@ def _urg04lx(port: Port, options: Urg04lxOptions, around: Surroundings) -> Urg04
     return Urg04lx(port, options, parse_url(around.url).baud)
 
 
-def _stripe(port: Port, options: StripeOptions, around: Surroundings) -> StripeScanner:
+def _stripe(port: Port, options: StripeOptions, around: Surroundings) -> Scanner:
+    from hw.stripe.session import StripeScanner  # images and JPEGs: for who has a camera
+
     return StripeScanner(port, options, parse_url(around.url).host)
 
 

@@ -11,13 +11,10 @@ from dataclasses import dataclass
 
 from core.config import Config
 from core.mapping import layers
-from core.mapping.certainty.maps import CertaintyMaps
 from core.mapping.footing import USUAL, Footing
 from core.mapping.layers import LayerView
 from core.mapping.method import MAX_SLOPE_RAD, Maps
-from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.rays import check_sweep, span_s
-from core.mapping.surface.maps import SurfaceMaps
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.motion.pose_track import PoseTrack
@@ -38,6 +35,21 @@ class MapperCounts:
     scans_early: int = 0  # before there was any pose
     points: int = 0
     erased: int = 0
+
+
+def _maps_of(config: Config) -> Maps:
+    """Those of the method that the settings name; what the others are made of is not loaded."""
+    if config.map.method == "reference_plane":
+        from core.mapping.paper.maps import ReferencePlaneMaps
+
+        return ReferencePlaneMaps(config)
+    if config.map.method == "certainty":
+        from core.mapping.certainty.maps import CertaintyMaps
+
+        return CertaintyMaps(config)
+    from core.mapping.surface.maps import SurfaceMaps
+
+    return SurfaceMaps(config)
 
 
 class Mapper:
@@ -64,12 +76,7 @@ class Mapper:
                 robot.track_width_m,
                 on_rail=config.motion.source == "rail",
             )
-        if is_paper:
-            self.maps: Maps = ReferencePlaneMaps(config)
-        elif config.map.method == "certainty":
-            self.maps = CertaintyMaps(config)
-        else:
-            self.maps = SurfaceMaps(config)
+        self.maps = _maps_of(config)
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped

@@ -10,18 +10,22 @@ A loaded map is not believed as the same map is within a run: nobody saw what mo
 Numbers of the run itself (scans added and dropped, ages) are not part of the state.
 """
 
+from typing import TYPE_CHECKING, cast
+
 import numpy as np
 
 from core.config import Config
 from core.grid.window import ObstacleWindow
-from core.mapping.certainty.maps import CertaintyMaps
 from core.mapping.mapper import Mapper
-from core.mapping.paper.maps import ReferencePlaneMaps
-from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN
 from core.saved.check import FORMAT, VERSION, check_state, settings_of
 from core.saved.encoding import Arrays, StateError
 from core.saved.surface import into_surface, of_surface
+
+if TYPE_CHECKING:
+    from core.mapping.certainty.maps import CertaintyMaps
+    from core.mapping.paper.maps import ReferencePlaneMaps
+    from core.mapping.surface.maps import SurfaceMaps
 
 STILL = 0.02  # m/s and rad/s
 
@@ -39,7 +43,7 @@ def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
     if pose is None:
         raise StateError("the robot's pose is not known now")
     _, _, z_m, travel_m = mapper.odometry.place_at(now_s)
-    maps = mapper.maps
+    maps, method = mapper.maps, config.map.method
     arrays: Arrays = {
         "format": np.array(FORMAT),
         "version": np.array(VERSION, dtype=np.int64),
@@ -49,10 +53,10 @@ def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
         "motion": np.array([mapper.odometry.v_mps, mapper.odometry.w_radps]),
         **_of_window(maps.window),
     }
-    if isinstance(maps, SurfaceMaps):
-        arrays |= of_surface(maps, now_s)
-    elif isinstance(maps, ReferencePlaneMaps):
-        grid = maps.plane.grid
+    if method == "surface":
+        arrays |= of_surface(cast("SurfaceMaps", maps), now_s)
+    elif method == "reference_plane":
+        grid = cast("ReferencePlaneMaps", maps).plane.grid
         arrays["plane.average_m"] = grid.average_m.copy()
         arrays["plane.count"] = grid.count.copy()
         arrays["plane.states"] = grid.states.copy()
@@ -80,17 +84,18 @@ def restore(mapper: Mapper, arrays: Arrays, config: Config, now_s: float) -> Non
     check_state(arrays, config)
     x_m, y_m, z_m, yaw_rad = (float(part) for part in arrays["pose"])
     mapper.go_on_from(np.array([x_m, y_m, z_m]), yaw_rad, float(arrays["travel_m"]))
-    maps = mapper.maps
-    if isinstance(maps, SurfaceMaps):
-        into_surface(maps, arrays, now_s)
-    elif isinstance(maps, ReferencePlaneMaps):
-        grid, states = maps.plane.grid, arrays["plane.states"]
+    maps, method = mapper.maps, config.map.method
+    if method == "surface":
+        into_surface(cast("SurfaceMaps", maps), arrays, now_s)
+    elif method == "reference_plane":
+        grid, states = cast("ReferencePlaneMaps", maps).plane.grid, arrays["plane.states"]
         grid.average_m[...] = arrays["plane.average_m"]
         grid.count[...] = arrays["plane.count"]
         grid.states[...] = np.where(states == FREE, UNKNOWN, states)
     _into_window(maps.window, arrays)
-    if isinstance(maps, CertaintyMaps):
-        maps.go_on_from(maps.window.grid.corner_i, maps.window.grid.corner_j)
+    if method == "certainty":
+        corner = maps.window.grid.corner_i, maps.window.grid.corner_j
+        cast("CertaintyMaps", maps).go_on_from(*corner)
 
 
 def _into_window(window: ObstacleWindow, arrays: Arrays) -> None:

@@ -436,6 +436,7 @@ def test_who_may_drive_over_which_link(url: str, has_key: bool, allowed: bool) -
 
 def test_external_poses_are_taken_if_one_of_the_ports_takes_them() -> None:
     far, near = "udp://192.168.0.7:9750", "udp://127.0.0.1:9750"
+    assert "key" in links_refusal([far], has_key=False)
     assert "key" in links_refusal([far, far], has_key=False)
     assert links_refusal([far, near], has_key=False) == ""
     assert links_refusal([far], has_key=True) == ""

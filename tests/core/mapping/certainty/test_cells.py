@@ -208,6 +208,15 @@ def test_a_brink_within_the_bounds_is_an_obstacle_on_its_higher_side_alone(
     assert [one.cause(0, j) for j in (-1, 0, 1)] == [FLOOR] * 3  # none beside it is lower by that
 
 
+@pytest.mark.parametrize(("cas", "cause"), [(False, BRINK), (True, FLOOR)])
+def test_one_reading_beside_it_makes_a_brink_unless_it_is_corrupt(cas: bool, cause: int) -> None:
+    one, around = Map(SlowSettings(cas=cas)), [at for at in EVERYWHERE if at != (0, 0)]
+    for _ in range(4):
+        one.add([flat(i, j, 0.05) for i, j in around])
+    one.add([flat(i, j, 0.05) for i, j in around] + [flat(0, 0, -0.08)])
+    assert one.cause(1, 0) == cause
+
+
 def test_six_known_neighbours_are_enough_however_uncertain() -> None:
     holes, ring = [(2, 2), (2, 1)], [(i, j) for i in range(3) for j in range(3)]
     for count, cause in ((2, FLOOR), (1, FLOOR), (3, EDGE)):

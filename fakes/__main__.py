@@ -18,6 +18,8 @@ from fakes.programs.serving import Stop, add_options, say, serve
 
 if TYPE_CHECKING:
     from fakes.programs.positioning import PositioningOnUdp
+    from fakes.scenes.scene import Scene
+    from fakes.world.rig import Rig
 
 DEVICES = ("scanner", "ahrs", "drive")
 
@@ -37,6 +39,13 @@ def arguments() -> argparse.Namespace:
         help="TCP port of the scanner; 0: a free one",
     )
     parser.add_argument("--scanner", default="lms111", help="which one: lms111, urg04lx, stripe")
+    parser.add_argument(
+        "--lens",
+        nargs=4,
+        type=float,
+        metavar=("X_M", "Y_M", "Z_M", "TILT_DEG"),
+        help="where the scanner sits on the body, and how much it looks down",
+    )
     parser.add_argument("--ahrs-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument("--drive-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument(
@@ -65,31 +74,47 @@ def arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
+def rig_of(given: argparse.Namespace, scene: "Scene") -> "Rig":
+    """World and devices as the options say; ValueError: they can't be so."""
     from fakes.ax3500.properties import MODES
-    from fakes.programs.positioning import PositioningOnUdp
-    from fakes.programs.stamps import StampedScanner, WatchedWorld
-    from fakes.scenes.scene import load_scene
+    from fakes.programs.stamps import WatchedWorld
     from fakes.world.error_models import as_the_sheets_say
-
-    # these take half a second: after the handlers of main()
-    from fakes.world.rig import SCANNERS, Rig
-    from fakes.world.truth_log import GroundTruthLog
-    from fakes.world.world import World
+    from fakes.world.rig import SCANNERS, AnyWorld, Rig, world_of
+    from fakes.world.robot import mount_from
 
     if given.drive_mode not in MODES:
         raise ValueError(f"--drive-mode: must be one of {', '.join(MODES)}: {given.drive_mode}")
+    if given.scanner not in SCANNERS:
+        raise ValueError(f"--scanner: must be one of {', '.join(SCANNERS)}: {given.scanner}")
+    if scene.walks and (given.no_driver or given.stamp):
+        option = "--no-driver" if given.no_driver else "--stamp"
+        raise ValueError(f"{option}: not in {scene.name!r}, where the robot walks by itself")
+    seed, delay_s, drives = given.seed, given.start_delay, not given.no_driver
+    errors = as_the_sheets_say(scene.errors) if given.sheet_errors else None
+    lens = mount_from("--lens", *given.lens) if given.lens else None
+    mount = lens or SCANNERS[given.scanner].mount
+    world: AnyWorld
+    if given.stamp:
+        world = WatchedWorld(scene, seed, errors, mount)
+    else:
+        world = world_of(scene, seed, delay_s, errors, mount)
+    rig = Rig(world, seed, delay_s, drives=drives, scanner=given.scanner, mount=lens)
+    rig.drive.mode = given.drive_mode
+    rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
+    return rig
+
+
+def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
+    from fakes.programs.positioning import PositioningOnUdp
+    from fakes.programs.stamps import StampedScanner, WatchedWorld
+    from fakes.scenes.scene import load_scene
+
+    # this takes half a second: after the handlers of main()
+    from fakes.world.truth_log import GroundTruthLog
+
     with ExitStack() as files:
-        scene = load_scene(given.scene, given.seed)
-        errors = as_the_sheets_say(scene.errors) if given.sheet_errors else None
-        if given.scanner not in SCANNERS:
-            raise ValueError(f"--scanner: must be one of {', '.join(SCANNERS)}: {given.scanner}")
-        tilt_deg = SCANNERS[given.scanner].tilt_deg
-        world = (WatchedWorld if given.stamp else World)(scene, given.seed, errors, tilt_deg)
-        drives = not given.no_driver
-        rig = Rig(world, given.seed, given.start_delay, drives=drives, scanner=given.scanner)
-        rig.drive.mode = given.drive_mode
-        rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
+        rig = rig_of(given, load_scene(given.scene, given.seed))
+        world = rig.world
         fakes: dict[str, Any] = {name: getattr(rig, name) for name in DEVICES}
         seen = dict(fakes)  # by the wires
         if isinstance(world, WatchedWorld):

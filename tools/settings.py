@@ -9,10 +9,17 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from config_file import load_config, with_changes
+from core.config import Config
 
 
 class NotThereError(Exception):
     """The file can't be changed so; the text says why."""
+
+
+def lens_of(config: Config) -> tuple[float, float, float, float]:
+    """Where the scanner sits: x, y, z (m), and how much it looks down (deg), as fakes take it."""
+    scanner = config.scanner
+    return scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m, scanner.mount_tilt_deg
 
 
 def rewritten(text: str, values: Mapping[str, object]) -> str:

@@ -28,7 +28,6 @@ GLASS_COS = math.cos(math.radians(10.0))  # glass returns a beam that is nearer 
 SECOND_SHARE = 0.6  # of the beams that end on a stalk and return from what is behind it, too
 KEYS = 2**62 - 1  # of what is left to chance in a sweep
 KNOT_S = 0.0025  # between the instants at which movers are asked where they are
-LENS_BODY_M = np.array(robot.LENS_BODY_M)
 
 Poses = Callable[[F64], tuple[F64, F64]]  # instants (m,) to t_map_body (m, 3), R_map_body (m, 3, 3)
 
@@ -40,7 +39,7 @@ class Rays:
         seed: of what they meet in soft things and in the air.
         errors: of light and air, and how wide beams are.
         crowd: people who are in the way besides the scene's movers.
-        tilt_deg: by how much the lens looks down.
+        mount: of the lens on the body.
 
     Raises:
         ValueError: glass or a soft thing is no upright box.
@@ -52,9 +51,10 @@ class Rays:
         seed: int,
         errors: ErrorModels = NONE,
         crowd: Crowd | None = None,
-        tilt_deg: float = robot.LENS_TILT_DEG,
+        mount: robot.Mount = robot.MOUNT,
     ) -> None:
-        self._R_body_lens = rotation_y(math.radians(tilt_deg))
+        self._lens_body_m = np.array(mount[:3])
+        self._R_body_lens = rotation_y(math.radians(mount.tilt_deg))
         returning = [s for s in scene.solids if s.material.kind != "soft"]
         self._soft = [_upright(s) for s in scene.solids if s.material.kind == "soft"]
         for solid in returning:
@@ -88,7 +88,7 @@ class Rays:
         """
         # Of one layout, whoever gives them: the kernels are compiled for that one.
         bodies, turns, bearings = map(np.ascontiguousarray, (*poses_at(times_s), bearings_rad))
-        lens, errors = (LENS_BODY_M, self._R_body_lens), self._errors
+        lens, errors = (self._lens_body_m, self._R_body_lens), self._errors
         beams = Beams(bodies, turns, *lens, bearings, self._pattern, errors.beam_rad)
         since_begin_s = times_s - begin_s
         passers = self._passers.between(since_begin_s[0], since_begin_s[-1])

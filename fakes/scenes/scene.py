@@ -40,6 +40,7 @@ class Scene:
 
     Args:
         waypoints: (x, y), or (x, y, speed_mps on the way there).
+        walks: the robot has legs, and goes along the waypoints by itself; no driver, no physics.
         goals: (x, y) for a planner, in the order to be visited.
         start_clear_m: how far around the origin the operator vouches for the ground.
         campaign: belongs to the mix of scenes that campaigns are made of.
@@ -63,6 +64,7 @@ class Scene:
     errors: ErrorModels = NONE
     walkers: tuple[Walker, ...] = ()
     description: str = ""
+    walks: bool = False
     _bounds: F64 = field(init=False, repr=False, compare=False)  # of the solids, see _near
 
     def __post_init__(self) -> None:
@@ -180,10 +182,12 @@ def _scene_from(name: str, table: dict[str, Any], seed: int, attempt: int) -> Sc
     drawn = maybe_drawn(table, name, seed, attempt)
     if drawn is None:
         return None
+    route = table.get("route", {})
     return Scene(
         **drawn,
         name=name,
-        speed_mps=float(table.get("route", {}).get("speed_mps", 0.6)),
+        speed_mps=float(route.get("speed_mps", 0.6)),
+        walks=bool(route.get("walks", False)),
         x_axis_east_of_north_rad=math.radians(table["x_axis_east_of_north_deg"]),
         start_clear_m=float(table.get("start_clear_m", START_CLEAR_M)),
         campaign=bool(table.get("campaign", False)),

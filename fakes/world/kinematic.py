@@ -41,6 +41,7 @@ class KinematicWorld:
         follows: True: height, pitch and roll come from the ground under the wheels, and those of
             the trajectory are added; for ramps, bumps and kerbs.
         seed: of what beams meet in soft things, and of the scene's upsets.
+        mount: of the scanner's lens.
     """
 
     obeys = False  # what the motors want is not heard
@@ -51,13 +52,14 @@ class KinematicWorld:
         trajectory: Trajectory,
         follows: bool = False,
         seed: int = 1,
+        mount: robot.Mount = robot.MOUNT,
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
         self.errors = self.scene.errors
         self.wheels = Wheels(self.wheel_angles_rad, seed)
         self._trajectory, self._follows = trajectory, follows
         self._slips = (*self.scene.slips, *bursts(self.errors.slip_bursts_per_min, seed))
-        self._rays = Rays(self.scene, seed, self.errors)
+        self._rays = Rays(self.scene, seed, self.errors, mount=mount)
         self._begin_s: float | None = None
         self._now_s = 0.0
         self._rows = np.zeros((0, 14))  # one a step, from the begin on; grows by doubling
@@ -133,6 +135,10 @@ class KinematicWorld:
 
     def height_at(self, x: npt.ArrayLike, y: npt.ArrayLike, t_s: float | None = None) -> F64:
         return self.scene.height_at(x, y, self._since_begin_s(t_s))
+
+    def people(self) -> F64:
+        """Nobody (0, 3): as a `World` tells x, y and radius of its walkers."""
+        return np.zeros((0, 3))
 
     def distortion_at(self, t_s: float) -> F64:
         row = self._row(t_s)

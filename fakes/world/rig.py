@@ -4,7 +4,7 @@ It moves no bytes: the caller puts a wire on each device.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,36 +13,59 @@ import numpy as np
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
 from fakes.mti.device import FakeMti
-from fakes.scenes.scene import Scene
+from fakes.scenes.scene import Scene, load_scene
 from fakes.stripe.device import FakeStripe
 from fakes.urg04lx.device import FakeUrg04lx
 from fakes.world.driver import Driver
 from fakes.world.error_models import ErrorModels
 from fakes.world.kinematic import KinematicWorld
-from fakes.world.robot import LENS_TILT_DEG
+from fakes.world.robot import MOUNT, Mount
+from fakes.world.trajectory import Gait, laps, walking
 from fakes.world.world import F64, World
 
 AnyWorld = World | KinematicWorld
 
 LOAD_A = 12.0  # of a motor of this robot at full power
+WALKER_TURN_RADPS = 0.3  # of a robot with legs, on the spot
+GAIT = Gait()
 
 
 @dataclass(frozen=True, slots=True)
 class Scanner:
-    """A scanner that may stand on the robot, and how it is mounted there."""
+    """A scanner that may stand on the robot, and how it is mounted where nobody says it."""
 
     make: Callable[["Rig", int], FakeLms111 | FakeUrg04lx | FakeStripe]
-    tilt_deg: float = LENS_TILT_DEG
+    mount: Mount = MOUNT
 
 
 DEFAULT_SCANNER = "lms111"
 SCANNERS = {  # by the name of the driver that speaks to it
     "lms111": Scanner(lambda rig, seed: FakeLms111(rig.ranges_m_at, seed)),
     "urg04lx": Scanner(
-        lambda rig, seed: FakeUrg04lx(rig.ranges_m_at, seed, "URG-04LX-UG01"), tilt_deg=16.0
+        lambda rig, seed: FakeUrg04lx(rig.ranges_m_at, seed, "URG-04LX-UG01"),
+        MOUNT._replace(tilt_deg=16.0),
     ),
     "stripe": Scanner(lambda rig, seed: FakeStripe(rig.world.met, seed)),
 }
+
+
+def world_of(
+    scene: Scene | str | Path,
+    seed: int,
+    start_delay_s: float,
+    errors: ErrorModels | None,
+    mount: Mount,
+) -> AnyWorld:
+    """A scene's world: of physics, or of a robot that walks through it. `errors`: see `Rig`."""
+    scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
+    if not scene.walks:
+        return World(scene, seed, errors, mount)
+    way = laps(scene.waypoints, scene.speed_mps, WALKER_TURN_RADPS, start_delay_s)
+    scene = scene if errors is None else replace(scene, errors=errors)
+    walk = walking(way, GAIT, start_delay_s)
+    world = KinematicWorld(scene, walk, seed=seed, mount=mount)
+    world.ranges_m(np.zeros(1), np.zeros(1))  # compiles kernels before a host waits for its device
+    return world
 
 
 class Rig:
@@ -56,7 +79,8 @@ class Rig:
         start_delay_s: from the first step to the driver's first command.
         drives: False: nobody holds the radio, and the wheels obey what comes over the wire only.
         errors: instead of the scene's own; a world that is ready keeps its own.
-        scanner: one of `SCANNERS`; a world that is ready keeps its mount.
+        scanner: one of `SCANNERS`.
+        mount: of its lens; None: that of `SCANNERS`. A world that is ready keeps its own.
     """
 
     def __init__(
@@ -67,14 +91,17 @@ class Rig:
         drives: bool = True,
         errors: ErrorModels | None = None,
         scanner: str = DEFAULT_SCANNER,
+        mount: Mount | None = None,
     ) -> None:
         on_robot = SCANNERS[scanner]
         self.world: AnyWorld
         if isinstance(scene, AnyWorld):
             self.world = scene
         else:
-            self.world = World(scene, seed, errors, on_robot.tilt_deg)
+            self.world = world_of(scene, seed, start_delay_s, errors, mount or on_robot.mount)
         self.scanner: Any = on_robot.make(self, seed)
+        if mount is not None and isinstance(self.scanner, FakeStripe):  # looks with its own lens
+            self.scanner.mount_m, self.scanner.tilt_deg = mount[:3], mount.tilt_deg
         self.ahrs = FakeMti(self.world.motion_at, seed + 1)
         errors = self.world.errors
         share = np.random.default_rng([seed, 5]).uniform(-1.0, 1.0)

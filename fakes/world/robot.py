@@ -6,6 +6,8 @@ origin on the ground under the middle of the axle. The casters stand on stiff sp
 body nods when it speeds up, brakes or rolls over something; at rest it is level.
 """
 
+from typing import NamedTuple
+
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import mjcf_from_solids
 
@@ -21,6 +23,32 @@ LENS_TILT_DEG = 7.5  # looking down
 CASTER_LOAD_N = 9.81 * ((36 * 0.13 + 2 * 0.5 * 0.40) / 0.40 / 2 - 0.5)  # on each spring, at rest
 STEP_S, STEPS = 0.0025, 2  # of physics, as stiff contacts want it; so many between two rows
 HALF_LENGTH_M, HALF_WIDTH_M = 0.52, 0.30  # from the axle's middle: what must clear things
+
+
+class Mount(NamedTuple):
+    """Where a scanner's lens sits on the body, and how much it looks down."""
+
+    x_m: float
+    y_m: float
+    z_m: float
+    tilt_deg: float
+
+
+MOUNT = Mount(*LENS_BODY_M, LENS_TILT_DEG)
+MOST_M = 5.0  # that a lens is away from the body's origin
+
+
+def mount_from(name: str, x_m: float, y_m: float, z_m: float, tilt_deg: float) -> Mount:
+    """Of numbers that somebody gave; ValueError, with their name: no lens sits so."""
+    place_m, is_above = (x_m, y_m, z_m), z_m > 0
+    if not (is_above and all(abs(part) <= MOST_M for part in place_m) and abs(tilt_deg) <= 90):
+        given = f"{x_m:g} {y_m:g} {z_m:g} {tilt_deg:g}"
+        raise ValueError(
+            f"{name}: must be x, y, z of up to {MOST_M:g} m, z above 0, and a tilt of -90 to 90 "
+            f"degrees, is {given}"
+        )
+    return Mount(x_m, y_m, z_m, tilt_deg)
+
 
 MODEL = """
 <mujoco model="{name}">

@@ -171,3 +171,62 @@ def nodding(base: Trajectory, pitch_rad: float, rate_hz: float, from_s: float = 
         return out
 
     return poses
+
+
+def laps(
+    corners: Sequence[Sequence[float]], speed_mps: float, rate_radps: float, stands_s: float
+) -> Trajectory:
+    """From the origin along x, y of corners and back, over and over; it turns on the spot at each.
+
+    Args:
+        stands_s: before it sets out.
+
+    Raises:
+        ValueError: no corner lies away from the origin.
+    """
+    legs, x, y, yaw = [], 0.0, 0.0, 0.0
+    for to_x, to_y in (*(corner[:2] for corner in corners), (0.0, 0.0)):
+        turned = math.remainder(math.atan2(to_y - y, to_x - x) - yaw, math.tau)
+        legs += [turn(turned, rate_radps), straight(math.hypot(to_x - x, to_y - y), speed_mps)]
+        x, y, yaw = to_x, to_y, yaw + turned
+    turned = math.remainder(-yaw, math.tau)
+    lap, a_lap_rad = Way(*legs, turn(turned, rate_radps)), yaw + turned
+    if not lap.duration_s:
+        raise ValueError("a lap needs a corner away from the origin")
+
+    def poses(t_s: F64) -> F64:
+        number, since_s = np.divmod(np.maximum(0.0, t_s - stands_s), lap.duration_s)
+        out = lap(since_s)
+        out[:, 2] += number * a_lap_rad
+        return out
+
+    return poses
+
+
+@dataclass(frozen=True, slots=True)
+class Gait:
+    """How a body with legs sways with its steps: yaw and roll once a stride, the rest twice."""
+
+    stride_hz: float = 0.7
+    bob_m: float = 0.005
+    yaw_rad: float = math.radians(3.0)
+    roll_rad: float = math.radians(1.0)
+    pitch_rad: float = math.radians(1.0)
+
+
+def walking(base: Trajectory, gait: Gait, from_s: float) -> Trajectory:
+    """A trajectory whose body sways from an instant on, about its origin: also where it turns."""
+
+    def poses(t_s: F64) -> F64:
+        out = np.array(base(t_s))
+        since_s = np.maximum(0.0, t_s - from_s)
+        begun = np.minimum(1.0, since_s * gait.stride_hz)  # of the first stride
+        fade = begun**2 * (3.0 - 2.0 * begun)  # so that no rate jumps
+        phase = math.tau * gait.stride_hz * since_s
+        out[:, 2] += gait.yaw_rad * fade * np.sin(phase)
+        out[:, 3] += gait.pitch_rad * fade * np.sin(2 * phase + 1.0)  # nods before it rises
+        out[:, 4] += gait.roll_rad * fade * np.sin(phase + 1.0)
+        out[:, 5] += gait.bob_m * fade * np.sin(2 * phase)
+        return out
+
+    return poses

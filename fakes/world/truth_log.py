@@ -11,6 +11,7 @@ from typing import Any, TextIO
 
 import numpy as np
 
+from fakes.world.kinematic import KinematicWorld
 from fakes.world.world import World
 
 PERIOD_S = 0.02
@@ -19,7 +20,7 @@ PERIOD_S = 0.02
 class GroundTruthLog:
     """Writes a line whenever one is due; each is whole in the file at once."""
 
-    def __init__(self, out: TextIO, world: World, scene: str, seed: int) -> None:
+    def __init__(self, out: TextIO, world: World | KinematicWorld, scene: str, seed: int) -> None:
         self._out, self._world = out, world
         self._begin_s: float | None = None
         self._due_s = float("-inf")

@@ -95,7 +95,7 @@ class World:
         scene: a scene, the name of a shipped one, or the path of a scene's file.
         seed: spreads the strength of the two motors; of the scene's chances, people and upsets.
         errors: instead of the scene's own.
-        tilt_deg: by how much the scanner looks down.
+        mount: of the scanner's lens.
     """
 
     obeys = True
@@ -105,7 +105,7 @@ class World:
         scene: Scene | str | Path,
         seed: int,
         errors: ErrorModels | None = None,
-        tilt_deg: float = robot.LENS_TILT_DEG,
+        mount: robot.Mount = robot.MOUNT,
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
         self.errors = self.scene.errors if errors is None else errors
@@ -117,7 +117,7 @@ class World:
         self._spinning = Spinning(slips, STEP_S) if slips else None
         self.wheels = Wheels(self.wheel_angles_rad, seed)
         self._R_earth_map = rotation_z(-self.scene.x_axis_east_of_north_rad)
-        self._rays = Rays(self.scene, seed, self.errors, self._crowd, tilt_deg)
+        self._rays = Rays(self.scene, seed, self.errors, self._crowd, mount)
         self._begin_s: float | None = None
         self._now_s, self._steps = 0.0, 0  # steps taken since the begin
         # x y z, qw qx qy qz, both wheels' angles; rate of turn, specific force of the sensor

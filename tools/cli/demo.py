@@ -17,7 +17,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from core.config import ConfigError
+from core.config import Config, ConfigError
 from mapod_link.wires import UdpWire
 from tools.cli.options import (
     ROBOTS,
@@ -28,7 +28,7 @@ from tools.cli.options import (
     parser_of,
 )
 from tools.cli.view import NO_PAGE, PAGE_AT, print_summary, watch_and_drive
-from tools.settings import NotThereError, rewritten
+from tools.settings import NotThereError, lens_of, rewritten
 from tools.terminal.planner_end import PlannerEnd, PtyWire, WatchingReceiver
 from tools.terminal.processes import (
     APP,
@@ -46,6 +46,8 @@ SECONDS_WITHOUT_SCREEN = 20.0
 SERIAL_BAUD = 115_200
 DRIVEN = {"robot.enable_motors": True, "robot.start_clear_m": 9.0}  # the corridor begins clear
 DRIVEN_MPS, DRIVEN_RADPS = 0.5, 0.6
+USUAL_SCENE = "corridor"
+SCENES = {"messor": "stones"}  # of robots that are not at home in the usual one
 DRIVEN_WORLD = ("--no-driver", "--drive-mode", "rs232_watchdog")
 
 
@@ -109,6 +111,15 @@ def page(robot: SimulatedRobot, settings: str, stop: Stop) -> tuple[str, str]:
     return address, watching.removeprefix("watching ").partition(";")[0]
 
 
+def world_words(options: argparse.Namespace, config: Config) -> list[str]:
+    """What starts the world of a robot with these settings."""
+    words = [sys.executable, "-m", "fakes", "--scene", options.scene, "--seed", str(options.seed)]
+    words += ["--scanner", config.scanner.driver, "--lens", *map(str, lens_of(config))]
+    words += DRIVEN_WORLD if options.drive else ()
+    words += ["--positioning"] if config.motion.source == "external" else []
+    return words
+
+
 def is_free(port: int) -> bool:
     try:
         socket.create_server(("127.0.0.1", port)).close()
@@ -120,7 +131,8 @@ def is_free(port: int) -> bool:
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 something failed, 2 wrong use."""
     parser = parser_of("demo", __doc__, "mapod demo --scene office --seed 3 --seconds 60")
-    parser.add_world()
+    others = ", ".join(f"{scene} for {robot}" for robot, scene in SCENES.items())
+    parser.add_world(f"{USUAL_SCENE}; {others}")
     parser.add_seconds("until Ctrl-C; 20 without a terminal")
     parser.add_config(SHIPPED_CONFIG)
     parser.add_argument("--robot", choices=ROBOTS, help="settings of robots/, not of --config")
@@ -138,12 +150,9 @@ def main(arguments: list[str] | None = None) -> int:
         config = configured(options.config)
     except ConfigError as error:
         return fail("demo", error)
-    world = [sys.executable, "-m", "fakes", "--scene", options.scene, "--seed", str(options.seed)]
-    world += ["--scanner", config.scanner.driver, *(DRIVEN_WORLD if options.drive else ())]
-    if config.motion.source == "external":
-        world.append("--positioning")
+    options.scene = options.scene or SCENES.get(options.robot, USUAL_SCENE)
     if options.drive and config.motion.source != "wheels":
         return fail(
             "demo", f"--drive: mapod drives nothing with motion.source = {config.motion.source!r}"
         )
-    return run(options, world, APP, Console())
+    return run(options, world_words(options, config), APP, Console())

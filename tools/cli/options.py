@@ -57,8 +57,8 @@ class Parser(argparse.ArgumentParser):
     def add_seconds(self, end: str, default: float | None = None) -> None:
         self.add_argument("--seconds", type=a_span, default=default, help=f"how long ({end})")
 
-    def add_world(self) -> None:
-        self.add_argument("--scene", default="corridor", help="which world (default: corridor)")
+    def add_world(self, usual: str) -> None:
+        self.add_argument("--scene", help=f"which world (default: {usual})")
         self.add_argument("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
 
     def add_out(self, what: str, default: Path | None = None) -> None:

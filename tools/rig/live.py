@@ -32,7 +32,7 @@ from tools.rig.c_build import CompileError, MissingToolError, robot_from_config
 from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
 from tools.rig.config import BOARD, DEVICES, HOST, OF_SCENE, RigConfig, load_rig_file
 from tools.rig.story import AppLog, Doubts, Tour, TruthLog
-from tools.settings import NotThereError
+from tools.settings import NotThereError, lens_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
 from tools.terminal.processes import (
     RUNNING,
@@ -157,6 +157,8 @@ class Bench:
     def _fakes_words(self) -> list[str]:
         world, real = self._config.world, self._config.devices.real
         words = [sys.executable, "-m", "fakes", "--scene", world.scene, "--seed", str(world.seed)]
+        settings = load_config(Path(self._config.robot.config).read_text(encoding="utf-8"))
+        words += ["--lens", *map(str, lens_of(settings))]
         words += ["--no-driver", "--drive-mode", "rs232_watchdog"]
         words += ["--sheet-errors"] if world.sensors == "sheet" else []
         for name in real:

@@ -231,6 +231,12 @@ def test_what_there_is_not_is_one_line_and_status_two() -> None:
     done = ended("fakes.programs.mti", "--period", "1m")
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr.endswith("--period: must be from 0.5ms to 100ms, is 1m\n")
+    done = ended("fakes", "--lens", "0.2", "0", "-1", "55")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith("degrees, is 0.2 0 -1 55\n")
+    done = ended("fakes", "--scene", "stones", "--no-driver")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "--no-driver: not in 'stones', where the robot walks by itself" in done.stderr
 
 
 def test_the_rig_says_where_its_devices_are_and_one_that_is_left_out_has_no_port(

@@ -14,16 +14,19 @@ from fakes.world.kinematic import KinematicWorld
 from fakes.world.rotations import R_from_angles
 from fakes.world.slip import Slip
 from fakes.world.trajectory import (
+    Gait,
     Leg,
     Trajectory,
     Way,
     arc,
     held,
     knots,
+    laps,
     nodding,
     stand,
     straight,
     turn,
+    walking,
 )
 from tests.support.cases import examples
 from tests.support.flat_floor import F64, FLAT, FLOOR, TILT, rims_m
@@ -70,6 +73,23 @@ def test_a_way_ends_where_its_legs_lead_and_never_jumps(legs: list[Leg]) -> None
     np.testing.assert_array_equal(poses[0], 0.0)
     gone = np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()
     assert gone == pytest.approx(sum(abs(leg.length_m) for leg in legs), abs=2e-3)
+
+
+def test_a_walking_body_sways_about_its_way_and_comes_round_again_and_again() -> None:
+    way = laps(((1.0, 0.0), (1.0, 1.0)), 0.2, 0.5, stands_s=2.0)
+    t_s = np.arange(0.0, 120.0, 0.01)
+    plain, swaying = way(t_s), walking(way, Gait(), 2.0)(t_s)
+    largest = np.abs(swaying - plain).max(axis=0)
+    one, three = math.radians(1.0), math.radians(3.0)
+    assert largest == pytest.approx([0.0, 0.0, three, one, one, 0.005], rel=0.01)
+    np.testing.assert_array_equal(swaying[t_s <= 2.0], 0.0)
+    assert np.abs(np.diff(swaying, axis=0)).max() < 0.01  # never jumps
+    at_origin = np.flatnonzero(np.hypot(*plain[:, :2].T) < 1e-3)
+    assert plain[at_origin[0], 2] == 0.0
+    laps_gone = plain[at_origin[-1], 2] / math.tau
+    assert laps_gone > 2.0
+    with pytest.raises(ValueError, match="a corner away from the origin"):
+        laps((), 0.2, 0.5, 2.0)
 
 
 def test_a_turn_stays_on_the_spot_and_an_arc_on_its_circle() -> None:

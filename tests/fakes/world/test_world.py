@@ -1,6 +1,7 @@
 """The world: its heights, its robot and its rays, held against plain geometry."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,8 @@ import pytest
 
 from fakes.scenes.scene import Scene, Solid, load_scene
 from fakes.world.error_models import ErrorModels, as_the_sheets_say
+from fakes.world.rig import Rig
+from fakes.world.robot import Mount
 from fakes.world.rotations import R_from_angles
 from fakes.world.world import STEP_S, World
 from tests.support.flat_floor import F64, FLAT, FLOOR, TILT, driven, rims_m
@@ -50,6 +53,16 @@ def test_on_a_flat_floor_each_beam_is_as_long_as_geometry_says() -> None:
     expected_m = 1.08 / (np.cos(SWEEP_RAD[used]) * math.sin(TILT + pitch))
     np.testing.assert_allclose(sweep(world, 51.0)[used], expected_m, atol=2e-3)
     assert abs(float(expected_m.min()) - 8.274) < 0.02
+
+
+@pytest.mark.parametrize("walks", [False, True])
+def test_the_lens_sits_where_it_is_told_to(walks: bool) -> None:
+    scene = replace(FLAT, walks=walks, waypoints=((1.0, 0.0),))
+    world = Rig(scene, 1, drives=False, scanner="urg04lx", mount=Mount(0.2, 0.0, 0.35, 55.0)).world
+    world.step_to(50.0)
+    down = math.radians(55.0) + world.pose()[3]
+    [ahead_m] = world.ranges_m(np.full(1, 50.0), np.zeros(1))
+    assert ahead_m == pytest.approx(0.35 / math.sin(down), abs=2e-3)
 
 
 def test_every_beam_ends_where_the_ground_truth_begins() -> None:

@@ -125,6 +125,18 @@ def test_a_robot_without_wheels_gets_its_positioning_system_as_one_more_planner(
     assert "mapod drives nothing with motion.source = 'external'" in capsys.readouterr().err
 
 
+@pytest.mark.real_time
+def test_a_robot_with_legs_walks_on_its_own_ground_and_gets_a_map(
+    capsys: Capsys, temporary: Path
+) -> None:
+    arguments = ["--robot", "messor", "--seconds", "3", "--no-page", "--out", str(temporary / "x")]
+    assert demo.main(arguments) == 0
+    said = capsys.readouterr().out
+    assert 'starting the world "stones"' in said
+    assert "1 character = 0.01 m" in said
+    assert "health   all well" in said
+
+
 def test_a_folder_counts_from_where_one_stands(temporary: Path) -> None:
     with contextlib.chdir(temporary), folder_kept_on_failure(Path("kept")) as folder:
         pass

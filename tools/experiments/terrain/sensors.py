@@ -10,13 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from core.records import F64, PointSweep, Scan
-from fakes.rays.rays import LENS_BODY_M, Poses, Rays
+from fakes.rays.rays import Poses, Rays
 from fakes.rays.sight import Met
 from fakes.scenes.scene import Scene
 from fakes.stripe.device import FakeStripe
 from fakes.stripe.jpeg import jpeg_from_image
 from fakes.urg04lx.models import MODELS
 from fakes.urg04lx.optics import Optics
+from fakes.world import robot
 from hw.device import BadFrame
 from hw.stripe.images import Decoder
 from hw.stripe.options import StripeOptions
@@ -48,9 +49,8 @@ class Urg:
     """Scans of a URG-04LX."""
 
     def __init__(self, scene: Scene, mount: Mount, seed: int) -> None:
-        self._rays = Rays(scene, seed, tilt_deg=mount.tilt_deg)
+        self._rays = Rays(scene, seed, mount=robot.Mount(0.0, 0.0, mount.height_m, mount.tilt_deg))
         self._optics, self._random = Optics(MODEL, seed), np.random.default_rng([seed, 8])
-        self._lens_m = np.array([0.0, 0.0, mount.height_m])
         self._step_rad = 2.0 * math.pi / MODEL.ares
         most = math.floor(math.radians(SIDE_DEG) / self._step_rad)
         steps: F64 = np.arange(-most, most + 1, dtype=np.float64)
@@ -58,7 +58,7 @@ class Urg:
 
     def sweep(self, t_s: float, counter: int, xyz_m: F64, R: F64) -> Scan:
         bearings_rad = self._bearings_rad
-        poses_at = _still(xyz_m + R @ (self._lens_m - LENS_BODY_M), R)
+        poses_at = _still(xyz_m, R)
         times_s = np.full(len(bearings_rad), t_s)
         true_m = np.atleast_2d(self._rays.ranges_m(poses_at, times_s, bearings_rad, 0.0))[0]
         values = self._optics.measured(true_m, self._random).values

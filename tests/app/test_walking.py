@@ -1,0 +1,78 @@
+"""A robot with legs in a closed loop: its map of centimetres, by external poses of its own sway."""
+
+import math
+
+import numpy as np
+import pytest
+
+from config_file import load_config, with_changes
+from core.mapping.layers import maybe_values
+from core.records import FREE, I64, OBSTACLE
+from fakes.scenes.scene import load_scene
+from fakes.scenes.solids import Shape
+from tests import ROOT
+from tests.support.closed_loop import ClosedLoop
+
+MESSOR = with_changes(
+    load_config((ROOT / "robots" / "messor.toml").read_text(encoding="utf-8")),
+    planner={"port": "udp://127.0.0.1:9750"},  # the loop's planner is the positioning system, too
+)
+CELL_M = MESSOR.map.cell_m
+STONES = load_scene("stones")
+BOXES = [solid for solid in STONES.solids if solid.name.startswith("box")]
+FREE_TOLD = 1  # a cell of the planner's window
+LOOK_S = 0.25
+NEAR_M = 0.015
+
+
+def cells_on(shape: Shape) -> tuple[I64, I64]:
+    """World indices (n,), (n,) of all cells that lie wholly on an upright box."""
+    i, j = (
+        np.arange(math.ceil(low / CELL_M - 1e-6), math.floor(high / CELL_M + 1e-6), dtype=np.int64)
+        for low, high in (shape.x, shape.y)
+    )
+    all_i, all_j = np.meshgrid(i, j)
+    return all_i.ravel(), all_j.ravel()
+
+
+def free_cells(loop: ClosedLoop) -> set[tuple[str, int, int]]:
+    """Cells of boxes that the map holds, or the planner has been told, to be free."""
+    grid, states, found = loop.app.mapper.maps.window.grid, loop.map_now(), set()
+    for box in BOXES:
+        for i, j in zip(*(part.tolist() for part in cells_on(box)), strict=True):
+            col, row = i - grid.corner_i, j - grid.corner_j
+            if not (0 <= col < grid.size and 0 <= row < grid.size):
+                continue
+            told = loop.planner.cell_at((i + 0.5) * CELL_M, (j + 0.5) * CELL_M)
+            if states[row, col] == FREE or told == FREE_TOLD:
+                found.add((box.name, i, j))
+    return found
+
+
+def test_a_walking_robot_tells_the_heights_of_boxes_and_none_of_their_cells_is_free() -> None:
+    loop = ClosedLoop(MESSOR, STONES)
+    system = loop.positioning
+    usual = system.sigma_m, system.sigma_z_m, system.sigma_rad
+    system.sigma_m = system.sigma_z_m = system.sigma_rad = 1e-3  # until the map has its frame
+    while not loop.app.mapper.odometry.started:
+        loop.run(0.1)
+    system.sigma_m, system.sigma_z_m, system.sigma_rad = usual
+    wrong: set[tuple[str, int, int]] = set()
+    while loop.since_begin_s < 14.0:
+        loop.run(LOOK_S)
+        wrong |= free_cells(loop)
+    maps = loop.app.mapper.maps
+    for box in BOXES:
+        cells = cells_on(box)
+        told_m = maybe_values(maps, "z", *cells)
+        assert told_m is not None
+        known_m = told_m[np.isfinite(told_m)]
+        assert len(known_m) > 0.6 * len(told_m), box.name
+        [top_m] = STONES.height_at([sum(box.x) / 2], [sum(box.y) / 2])
+        assert float(np.median(known_m)) == pytest.approx(top_m, abs=NEAR_M), box.name
+        states = maybe_values(maps, "state", *cells)
+        assert states is not None
+        assert int((states == OBSTACLE).sum()) > 0.2 * len(states), box.name
+    assert wrong == set()
+    assert int((loop.map_now() == FREE).sum()) > 200  # most floor was looked at once only
+    assert loop.app.mapper.counts.erased == 0

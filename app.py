@@ -128,10 +128,8 @@ class App:
         self._scan_stale_s = stale_s(config.scanner.options.spec.period_s)
         self._may_move, self._stops = config.robot.enable_motors, False
         listened = [device.port for device in self.devices]
-        if (
-            self._may_move or config.motion.source == "external"
-        ):  # who drives, stops, tells the place
-            listened += [ports.planner, *ports.receivers]
+        is_told = config.motion.source == "external"  # the place, over the planner's ports
+        listened += [ports.planner, *ports.receivers] if self._may_move or is_told else []
         self._listened = tuple(listened)
 
     def step(self, now_s: float) -> None:

@@ -19,7 +19,7 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import IO, Any, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import IO, Any, Generic, ParamSpec, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
 import numpy as np
@@ -68,18 +68,27 @@ def _compiled(function: Callable[P, R]) -> Callable[P, R]:
     return cast(Callable[P, R], compiled)
 
 
-def settled(function: Callable[P, R], *given: P.args, **named: P.kwargs) -> Callable[P, R]:
-    """A kernel's machine code for arguments of these types, which no call looks at again.
+class Settled(Generic[P, R]):
+    """A kernel for one who gives the same types each time: after the first call nobody looks.
 
-    To find out the types of a map's arrays took a tenth of the time of a scan. Only for who gives
-    the very same types each time: others would be taken for these.
+    To find out the types of a map's arrays took a tenth of the time of a scan. Other types would be
+    taken for those of the first call, so numbers that are given as floats must be so then, too.
     """
-    if not isinstance(function, Dispatcher):
-        return function
-    assert not named
-    types_of = tuple(numba.typeof(one) for one in given)
-    function.compile(types_of)  # or taken from disk, or from memory
-    return cast(Callable[P, R], function.get_overload(types_of))
+
+    def __init__(self, function: Callable[P, R]) -> None:
+        self._function, self._run = function, cast(Callable[P, R] | None, None)
+
+    def __call__(self, *given: P.args, **named: P.kwargs) -> R:
+        if self._run is None:
+            self._run = self._settle(given)
+        return self._run(*given, **named)
+
+    def _settle(self, given: Sequence[Any]) -> Callable[P, R]:
+        if not isinstance(self._function, Dispatcher):
+            return self._function
+        types_of = tuple(numba.typeof(one) for one in given)
+        self._function.compile(types_of)  # or taken from disk, or from memory
+        return cast(Callable[P, R], self._function.get_overload(types_of))
 
 
 def records(of: np.dtype[Any], count: int = 1) -> Records:

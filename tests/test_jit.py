@@ -11,7 +11,7 @@ import pytest
 from numba.core.errors import TypingError
 
 from core.records import F64
-from jit import kernel, settled
+from jit import Settled, kernel
 from tests import Patch
 from tests.support.plain_user import as_plain_user
 
@@ -242,7 +242,8 @@ def _summed(values: F64, more: tuple[float, int]) -> float:
 
 def test_a_settled_kernel_does_what_the_kernel_does() -> None:
     values = np.array([1.0, 2.0])
-    run = settled(_summed, values, (0.5, 2))
+    run = Settled(_summed)
+    assert run(values, (0.5, 2)) == _summed(values, (0.5, 2))
     for third in (3.0, -7.5):
         given = np.array([1.0, 2.0, third]), (third, 3)
         assert run(*given) == _summed(*given)

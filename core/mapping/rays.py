@@ -7,7 +7,6 @@ Source: design, sections 5 and 7.
 """
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from msgspec import Struct
@@ -18,7 +17,7 @@ from core.motion.attitude import AttitudeRing
 from core.motion.path import Place
 from core.motion.track import Track
 from core.records import F64, PointSweep, Scan
-from jit import kernel, settled
+from jit import Settled, kernel
 
 Vector = tuple[float, float, float]
 NO_ARM: Vector = (0.0, 0.0, 0.0)
@@ -197,7 +196,7 @@ class BeamGeometry:
         self._fan = (0, 0.0, 0.0)  # beams, first and step of the directions there are
         self._times_s, self._R = np.zeros(max_beams), np.zeros((3, 3))
         self._from_map, self._rays = np.zeros((max_beams, 3)), np.zeros((max_beams, 3))
-        self._cast: Callable[..., None] | None = None  # the kernel, by the first sweep
+        self._cast = Settled(_cast)
 
     def _on_body(self, scan: Scan | PointSweep) -> tuple[F64, F64, F64]:
         """Origins and directions (n, 3) in the body's frame, and times (n,); until the next one."""
@@ -227,7 +226,7 @@ class BeamGeometry:
         first_s, last_s = span_s(scan)
         fan, n = self._on_body(scan), scan.ranges_m.shape[1]
         from_map, rays = self._from_map[:n], self._rays[:n]
-        given = (
+        self._cast(
             fan,
             attitudes.t_s,
             attitudes.q_earth_body,
@@ -240,6 +239,4 @@ class BeamGeometry:
             from_map,
             rays,
         )
-        self._cast = self._cast or settled(_cast, *given)
-        self._cast(*given)
         return Sweep(last_s, from_map, rays, np.ascontiguousarray(scan.ranges_m, np.float64))

@@ -10,7 +10,6 @@ Source: point-to-line matching, Censi, ICRA 2008, in one direction.
 
 import math
 from bisect import bisect
-from collections.abc import Callable
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from core.mapping.rays import MIN_RANGE_M, Sweep
 from core.motion.slip import SlipEstimator
 from core.motion.track import Track
 from core.records import F64
-from jit import Records, kernel, settled, with_fields
+from jit import Records, Settled, kernel, with_fields
 
 FACE = np.dtype(
     [
@@ -131,7 +130,7 @@ class FaceMatcher:
         self._offsets_m = np.zeros(max_beams)
         self._slip = SlipEstimator()
         self._segment, self._heading = 1, (math.nan, math.nan)
-        self._match: Callable[..., int] | None = None  # the kernel, by the first sweep
+        self._match = Settled(_offsets_of)
 
     def erase(self) -> None:
         """Forget what they told; the grid forgets the faces."""
@@ -159,12 +158,10 @@ class FaceMatcher:
         if not self._heading[0] * hx + self._heading[1] * hy >= SAME_SEGMENT:
             self._segment, self._heading = self._segment + 1, body.heading
             self._slip.restart()
-        given = (
+        n = self._match(
             sweep.origins, sweep.rays, sweep.ranges_m, heights_m, body.heading, self._segment,
             self._grid.ring, self._faces, self._offsets_m,
         )  # fmt: skip
-        self._match = self._match or settled(_offsets_of, *given)
-        n = self._match(*given)
         if n < LEAST:
             return None
         offsets_m: list[float] = sorted(self._offsets_m[:n].tolist())

@@ -18,7 +18,7 @@
 #define BEYOND_MM 600   /* and beyond the path's end, at the goal */
 #define SAME_MM 1200    /* a point so near to one that did not help does not help either */
 #define FARTHER_MM 1600 /* farther off, each time that ground did not show, */
-#define FARTHEST_MM 3200 /* up to where a line lies that meets a rise of 2 degrees less steeply */
+#define FARTHEST_MM 3200 /* up to where the line lies on ground that falls 2 degrees from it */
 #define MISSING_MM 20000 /* of path: a point that shows nothing is worse by that */
 
 bool views_are_in_sight(const struct driver *driver, struct point from, struct point to)

@@ -8,7 +8,6 @@ Source: docs/method.md, section 1.
 """
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_wi
 from core.motion.attitude import AttitudeRing
 from core.motion.track import Track
 from core.records import F64, I32, I64, U8, UNKNOWN, PointSweep, Scan
-from jit import kernel, records, settled, with_fields
+from jit import Settled, kernel, records, with_fields
 
 AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
 EVIDENCE = {  # fields of a cell, by what they tell
@@ -153,7 +152,7 @@ class SurfaceMaps:
         self._arm_m = scanner.mount_x_m
         self._faces = FaceMatcher(self.grid, beams)
         self._anchored = False  # some ground is tied to that under the wheels
-        self._take: Callable[..., tuple[int, int]] | None = None  # take_sweep, by the first scan
+        self._take = Settled(take_sweep)
 
     def warm(self) -> None:
         """Run the kernels to which the first scans do not come, once; the maps stay empty."""
@@ -186,9 +185,9 @@ class SurfaceMaps:
             for k, of in enumerate(self._returns)
         )
         guess, rolled_s = LOOSE if self._anchored else TIED, passed_s if driven_m else 0.0
-        given = first, behind, passed_s, rolled_s, guess, surface, room, shown, window.used
-        self._take = self._take or settled(take_sweep, *given)
-        count, window.used = self._take(*given)
+        count, window.used = self._take(
+            first, behind, passed_s, rolled_s, guess, surface, room, shown, window.used
+        )
         if not self._anchored:
             seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]
             self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > WITNESSES

@@ -19,7 +19,7 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
 
 EXTRAS_sim := sim view
-EXTRAS_test := camera view export foxglove sweep video test
+EXTRAS_test := camera objects view export foxglove sweep video test
 
 $(VENV)/.ready-%: pyproject.toml | $(BIN)/python
 	@echo "mapod: installing the libraries that pyproject.toml names for [$(or $(EXTRAS_$*),$*)]"

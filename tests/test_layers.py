@@ -33,13 +33,14 @@ MAY_IMPORT = {  # by the first part of a module's name
 }
 LIBRARIES = {
     "jit": {"numpy", "numba"},
-    "core": {"numpy", "msgspec"},
+    "core": {"numpy", "msgspec", "shapely"},  # shapely: in the rooms of polygons alone, see below
     "hw": {"numpy", "msgspec", "serial", "cobs", "cv2"},  # cv2: within functions, see below
     "mapod_link": {"numpy"},
     "recording": {"numpy", "msgspec", "mcap", "zstandard"},
     "fakes": {"numpy", "mujoco", "PIL"},
     **{name: {"numpy", "msgspec"} for name in TOP},
 }
+POLYGONS = ("core.objects", "core.paths")
 CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}
 VOCABULARY = {"core.records", "core.config", "core.geometry"}
 DEVICES = ("lms1xx", "urg04lx", "stripe", "mti", "ax3500")
@@ -152,6 +153,10 @@ def test_in_core_nobody_imports_what_stands_above_him() -> None:
     faults += wrong("core.motion", *above[1:]) + wrong("core.mapping", *above[2:])
     faults += wrong("core.driving", *above[3:])
     faults += wrong("core", "core.driving.report")
+    maps = ("core.grid", "core.motion", "core.mapping", "core.driving", "core.saved")
+    faults += [fault for low in maps for fault in wrong(low, *POLYGONS)]
+    faults += wrong("core.objects", *maps[2:], "core.paths")
+    faults += wrong("core.paths", *maps, "core.objects")
     assert faults == []
 
 
@@ -199,6 +204,13 @@ def test_an_extra_is_loaded_by_who_needs_it_and_no_other() -> None:
         if re.match(r" *(import|from) cv2\b", line)
     ]
     assert lines == [("hw.stripe.images", "        import cv2")]
+    assert [
+        f"{module.name} imports {name}"
+        for module in modules().values()
+        if within(module.name, "core", *TOP) and not within(module.name, *POLYGONS)
+        for name in module.imports
+        if within(name, "shapely")
+    ] == []
 
 
 def test_imports_run_in_no_circle() -> None:

@@ -1,0 +1,1 @@
+"""Paths over polygons: coverage of a floor, and ways from A to B."""

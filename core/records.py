@@ -12,6 +12,8 @@ import numpy.typing as npt
 from msgspec import Struct
 
 F64 = npt.NDArray[np.float64]
+F32 = npt.NDArray[np.float32]
+U16 = npt.NDArray[np.uint16]
 I8 = npt.NDArray[np.int8]
 U8 = npt.NDArray[np.uint8]
 I32 = npt.NDArray[np.int32]
@@ -48,6 +50,27 @@ class PointSweep(Struct, frozen=True, eq=False):
     ranges_m: F64  # (echoes, n); NaN: no measurement
     times_s: F64  # (n,) host monotonic clock; the first is the earliest, the last the latest
     counter: int  # the sensor's own
+    arrived_s: float  # host clock, when its last byte was read
+
+
+class DepthCamera(Struct, frozen=True, eq=False):
+    """What turns the numbers of a depth image into points: point = offset_m + number * ray.
+
+    Sensor frame: x along the optical axis, y left, z up. A ray has the device's unit, its lens's
+    distortion and its kind of depth (along the ray, or along the axis) in it.
+    """
+
+    rays: F32  # (rows, columns, 3) metres per unit of the image's numbers
+    offset_m: tuple[float, float, float]
+
+
+class DepthImage(Struct, frozen=True, eq=False):
+    """One frame of a depth camera: a number for each pixel, row by row from the top left."""
+
+    t_s: float  # host monotonic clock, the middle of its exposure
+    numbers: U16  # (rows, columns); 0: no measurement, or one that the device itself doubts
+    camera: DepthCamera  # the same object from frame to frame, until the device tells another
+    counter: int  # the device's own
     arrived_s: float  # host clock, when its last byte was read
 
 

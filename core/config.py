@@ -15,7 +15,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from core.allowed import allowed
-from core.map_settings import Certainty, Ground, Map, Obstacle
+from core.map_settings import Certainty, Ground, Map, Obstacle, ShadowFilter
 from core.records import ScannerSpec
 
 Hz = Annotated[float, Meta(gt=0, le=1000)]
@@ -176,6 +176,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     record: Record
     log: Log
     certainty: Certainty | None = None  # None: not in the file, and not the method
+    shadow_filter: ShadowFilter | None = None  # likewise
 
 
 def config_from_text(text: str, drivers: Drivers) -> Config:
@@ -281,11 +282,13 @@ def _fields(kind: type[Struct]) -> dict[str, Any]:
 
 
 def _sections(table: dict[str, Any]) -> dict[str, Any]:
-    """Those that a file has or must have; of a method's own section, if it names that method."""
-    sections, keys = {**_fields(Config), "certainty": Certainty}, table.get("map")
+    """Those that a file has or must have; of a method's own sections, if it names that method."""
+    own = {"certainty": Certainty, "shadow_filter": ShadowFilter}
+    sections, keys = {**_fields(Config), **own}, table.get("map")
     method = keys.get("method") if isinstance(keys, dict) else None
-    if "certainty" not in table and method != "certainty":
-        del sections["certainty"]
+    for name in own:
+        if name not in table and method != "certainty":
+            del sections[name]
     return sections
 
 

@@ -4,11 +4,13 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
+Method = Literal["surface", "reference_plane", "certainty"]
+
 
 class Map(Struct, frozen=True, forbid_unknown_fields=True):
     """The elevation map."""
 
-    method: Literal["surface", "reference_plane", "certainty"]
+    method: Method
     cells: Annotated[int, Meta(ge=3, le=2001)]
     cell_m: Annotated[float, Meta(ge=0.005, le=1)]
 
@@ -26,12 +28,18 @@ class Certainty(Struct, frozen=True, forbid_unknown_fields=True):
     group_gap_m: Annotated[float, Meta(gt=0, le=10)]
     three_scans: bool
     three_scans_m: Annotated[float, Meta(gt=0, le=10)]
-    shadow_deg: Annotated[float, Meta(ge=0, le=90)]
-    shadow_beams: Annotated[int, Meta(ge=1, le=100)]
     cas: bool
     cas_certainty: Annotated[int, Meta(ge=1, le=1_000_000)]
     cas_height_m: Annotated[float, Meta(gt=0, le=2)]
     fill: bool
+
+
+class ShadowFilter(Struct, frozen=True, forbid_unknown_fields=True):
+    """Before which methods returns right behind an edge are taken out, and which those are."""
+
+    methods: list[Method]
+    angle_deg: Annotated[float, Meta(gt=0, lt=90)]
+    beams: Annotated[int, Meta(ge=1, le=100)]
 
 
 class Obstacle(Struct, frozen=True, forbid_unknown_fields=True):

@@ -15,6 +15,7 @@ from core.mapping.footing import USUAL, Footing
 from core.mapping.layers import LayerView
 from core.mapping.method import MAX_SLOPE_RAD, Maps
 from core.mapping.rays import check_sweep, span_s
+from core.mapping.shadows import ShadowFilter
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.motion.pose_track import PoseTrack
@@ -77,6 +78,7 @@ class Mapper:
                 on_rail=config.motion.source == "rail",
             )
         self.maps = _maps_of(config)
+        self._shadows = ShadowFilter(config)
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
@@ -152,7 +154,9 @@ class Mapper:
         if max(abs(roll_rad), abs(pitch_rad)) > MAX_SLOPE_RAD:
             self.counts.scans_tilted += 1
             return
-        self.counts.points += self.maps.add(scan, self.attitudes, self.odometry)
+        self.counts.points += self.maps.add(
+            self._shadows.cleaned(scan), self.attitudes, self.odometry
+        )
         self.newest_scan_s, self.newest_scan = last_s, scan
         self.counts.scans_added += 1
 

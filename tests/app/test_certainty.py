@@ -25,17 +25,22 @@ FLOOR, BOX, LAWN, ROAD = (-1e-3, 1e-3), (0.39, 0.41), (0.15, 0.17), (-0.17, -0.1
 Mask = npt.NDArray[np.bool_]
 
 
-def config_of(**certainty: Any) -> Config:
+def config_of(filtered: bool, **certainty: Any) -> Config:
     text = (ROOT / "robots" / "urg04lx.toml").read_text(encoding="utf-8")
-    return with_changes(load_config(text), map={"method": "certainty"}, certainty=certainty)
+    return with_changes(
+        load_config(text),
+        map={"method": "certainty"},
+        certainty=certainty,
+        shadow_filter={"methods": ["certainty"] if filtered else []},
+    )
 
 
 class Seen:
     """A map after a drive, with the truth of each of its cells, row by row from the corner."""
 
-    def __init__(self, **certainty: Any) -> None:
+    def __init__(self, filtered: bool = True, **certainty: Any) -> None:
         scene = Scene("street", SOLIDS, waypoints=((4.2, 0.0),), speed_mps=0.3)
-        self.loop = ClosedLoop(config_of(**certainty), scene)
+        self.loop = ClosedLoop(config_of(filtered, **certainty), scene)
         self.loop.run(16.0)
         maps = self.loop.app.mapper.maps
         assert isinstance(maps, CertaintyMaps)
@@ -88,11 +93,11 @@ def test_the_planner_holds_that_map_and_nothing_was_lost(seen: Seen) -> None:
 
 
 def test_each_step_before_the_map_takes_out_some_of_what_is_wrong_beside_edges() -> None:
-    off = {"min_group": 1, "three_scans": False, "cas": False, "shadow_deg": 0.0}
+    off = {"min_group": 1, "three_scans": False, "cas": False}
     bare, groups, shadows = (
-        Seen(**off),
-        Seen(**{**off, "min_group": 3}),
-        Seen(**{**off, "shadow_deg": 10.0}),
+        Seen(filtered=False, **off),
+        Seen(filtered=False, **{**off, "min_group": 3}),
+        Seen(filtered=True, **off),
     )
     wrong = [one.told(one.of(*FLOOR))[1] for one in (bare, groups, shadows)]
     assert wrong[0] > wrong[1] > wrong[2]  # floor told as an obstacle
@@ -109,7 +114,7 @@ def test_nothing_that_stands_is_free_around_a_robot_that_turns() -> None:
     solids.append(Solid("floor", (-9.0, 9.0), (-9.0, 9.0), (-1.0, 0.0)))
     solids.append(Solid("wall", (-6.0, 6.0), (4.6, 4.9), (0.0, 2.0)))
     ways = (0.8, 0.0), (0.8, 0.8), (0.0, 0.8)
-    loop = ClosedLoop(config_of(), Scene("turns", tuple(solids), waypoints=ways, speed_mps=0.4))
+    loop = ClosedLoop(config_of(True), Scene("turns", tuple(solids), waypoints=ways, speed_mps=0.4))
     obstacles = 0
     for _ in range(6):
         loop.run(2.5)

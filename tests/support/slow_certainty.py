@@ -150,11 +150,11 @@ def shadows_left(ranges: list[float], step: float, least: float, window: int) ->
     for i, near in enumerate(ranges):
         here = [j for j in range(len(ranges)) if abs(j - i) <= window]
         for j in here:
-            if j == i or math.isnan(near) or math.isnan(ranges[j]):
+            if j == i or not (near > 0.0 and ranges[j] > 0.0):
                 continue
             apart = (j - i) * step
             line = ranges[j] * math.cos(apart) - near, ranges[j] * math.sin(apart)
             off = math.acos(max(-1.0, min(1.0, -line[0] / math.hypot(*line))))
             if off < least or off > math.pi - least:
                 gone |= {k for k in here if ranges[k] > near}
-    return [math.nan if k in gone else r for k, r in enumerate(ranges)]
+    return [0.0 if k in gone else r for k, r in enumerate(ranges)]

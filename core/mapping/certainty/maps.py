@@ -116,7 +116,6 @@ class CertaintyMaps:
         scans.keep_all(none, kept)
         scans.keep_supported(none, look, look, self._settings.three_scans_m, kept)
         scans.drop_small_groups(none, self._settings.group_gap_m, self._settings.min_group)
-        scans.drop_shadows(none, 0.0, 0.0, self._settings.shadow_beams, kept)
         self.window.put(nowhere.astype(np.int32), np.zeros(0, dtype=np.int8))
         self._map(np.zeros((0, 3)), none, kept, 0.0)
         self._decide(nowhere.astype(np.int32))
@@ -157,10 +156,6 @@ class CertaintyMaps:
         scans.take(np.ascontiguousarray(rays.ranges_m[0]), ranges_m)
         if settings.min_group > 1:
             scans.drop_small_groups(ranges_m, settings.group_gap_m, settings.min_group)
-        if settings.shadow_deg > 0.0:
-            least_rad = math.radians(settings.shadow_deg)
-            step_rad = abs(scan.step_rad)
-            scans.drop_shadows(ranges_m, step_rad, least_rad, settings.shadow_beams, self._room)
         np.multiply(rays.rays, ranges_m[:, None], out=points)
         points += rays.origins
         roll, pitch, yaw = rpy_rad

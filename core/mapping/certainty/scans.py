@@ -1,8 +1,7 @@
-"""What is taken out of a scan before it is mapped: small groups, shadows, what stands in one alone.
+"""What is taken out of a scan before it is mapped: small groups, and what stands in one alone.
 
 A reading that goes is NaN in the ranges, or 0 in `kept`. None of these steps makes anything up.
-Source: docs/certainty.md; the shadow filter by the documentation of ROS's laser_filters
-(ScanShadowsFilter), the public baseline for mixed pixels. The wording of (12) was not to be had.
+Source: docs/certainty.md. The wording of (12) was not to be had.
 """
 
 import math
@@ -42,38 +41,6 @@ def drop_small_groups(ranges_m: F64, gap_m: float, least: int) -> None:
         if k - first < least:
             ranges_m[first:k] = math.nan
         first = k
-
-
-@kernel
-def _is_shadowed(near_m: float, far_m: float, apart_rad: float, least_rad: float) -> bool:
-    """Whether the line from one reading to another runs along the beam of the first."""
-    across, along = far_m * math.sin(apart_rad), near_m - far_m * math.cos(apart_rad)
-    angle = math.atan2(abs(across), along)
-    return angle < least_rad or angle > math.pi - least_rad
-
-
-@kernel
-def drop_shadows(
-    ranges_m: F64, step_rad: float, least_rad: float, window: int, dropped: U8
-) -> None:
-    """The shadow filter: where two readings lie in a line along the beam, the farther ones go.
-
-    For each beam, each other within `window` of it is looked at; of a pair in a line go all within
-    `window` of the beam that are farther than its own. dropped (n,): room.
-    """
-    n = ranges_m.size
-    dropped[:n] = 0
-    for i in range(n):
-        for j in range(max(0, i - window), min(n, i + window + 1)):
-            if i == j or math.isnan(ranges_m[i]) or math.isnan(ranges_m[j]):
-                continue
-            if _is_shadowed(ranges_m[i], ranges_m[j], abs(j - i) * step_rad, least_rad):
-                for k in range(max(0, i - window), min(n, i + window + 1)):
-                    if ranges_m[k] > ranges_m[i]:
-                        dropped[k] = 1
-    for k in range(n):
-        if dropped[k] != 0:
-            ranges_m[k] = math.nan
 
 
 @kernel

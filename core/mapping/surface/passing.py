@@ -171,14 +171,16 @@ def follow_beams(beams: Beams, surface: Surface, places: I32) -> None:
     ranges_m, count = beams.ranges_m[0], beams.returns.size
     first = back = 0  # of the beams in a row that did not come back, and the one behind them
     for b in range(count):
-        if not ranges_m[b] >= MIN_RANGE_M:
+        if math.isnan(ranges_m[b]):
             if b >= back:
                 first = back = b
-                while back < count and not ranges_m[back] >= MIN_RANGE_M:
+                while back < count and math.isnan(ranges_m[back]):
                     back += 1
             if back - first >= DARK:
                 _miss(beams.lenses[b], beams.rays[b], surface)
             continue
+        if ranges_m[b] < MIN_RANGE_M:
+            continue  # it came back, and tells nothing
         one, end = beams.returns[b], ranges_m[b]
         if one.at < 0:
             end = _leave(b, beams, surface)

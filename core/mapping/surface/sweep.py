@@ -236,7 +236,12 @@ def agree(returns: Records, tied: int, limits: cells.Limits, bins: F64) -> None:
             best, most = max(0, k - WIDE + 1), total
     if sure >= RARE * (sure + guessed) or most < WITNESSES or most < SHARE * unsure:
         return
-    offset = (best + 0.5 * WIDE - BINS // 2) * edge
+    low, total, offset = (best - BINS // 2) * edge, 0.0, 0.0  # their mean
+    for b in range(returns.size):
+        one = returns[b]
+        if one.at >= 0 and one.var_m2 > limits.sure_m2 and 0.0 <= one.height_m - low < WIDE * edge:
+            total += 1.0
+            offset += (one.height_m - offset) / total
     for b in range(returns.size):
         one = returns[b]
         if one.at >= 0 and one.var_m2 > limits.sure_m2:

@@ -13,7 +13,7 @@ from fakes.scenes.solids import Solid
 from tools.experiments.terrain import scenes
 from tools.experiments.terrain.__main__ import main
 from tools.experiments.terrain.measure import figures, truth_of, width_and_height_m
-from tools.experiments.terrain.methods import CELL_M, NAMES, SHADED, Region, settings_of
+from tools.experiments.terrain.methods import NAMES, SHADED, Region, settings_of
 from tools.experiments.terrain.pictures import BLUE, RED, WHITE, pixels_of
 from tools.experiments.terrain.report import BEGIN, END, quartiles, with_tables
 from tools.experiments.terrain.ride import STEADY, WALKING, Gait, Ride
@@ -28,7 +28,8 @@ from tools.experiments.terrain.trials import (
 )
 
 SEED = 1001  # not one of those that are judged
-REGION = Region((0.0, 0.4), (-0.2, 0.2))
+CELL_M = 0.010
+REGION = Region((0.0, 0.4), (-0.2, 0.2), CELL_M)
 BOX = Solid("box", (0.1, 0.3), (-0.06, 0.05), (0.0, 0.1))
 SOME = ("certainty, none", "certainty, all", "surface", SHADED)
 
@@ -95,14 +96,14 @@ def test_tables_go_between_their_marks_alone() -> None:
 
 def test_who_asks_for_what_there_is_not_gets_to_know_what_there_is() -> None:
     with pytest.raises(ValueError, match=r"certainty, all, .*'certain'"):
-        settings_of("certain", STEEP, STEADY)
+        settings_of("certain", STEEP, STEADY, CELL_M)
     with pytest.raises(ValueError, match=r"box, cylinder, post, is 'ball'"):
         scenes.thing("ball", SEED)
 
 
 def test_limits_of_a_walking_body_are_as_wide_as_its_errors() -> None:
     rail, walk = (
-        settings_of("certainty, all", STEEP, gait).certainty for gait in (STEADY, WALKING)
+        settings_of("certainty, all", STEEP, gait, CELL_M).certainty for gait in (STEADY, WALKING)
     )
     assert rail is not None
     assert walk is not None
@@ -110,7 +111,7 @@ def test_limits_of_a_walking_body_are_as_wide_as_its_errors() -> None:
     assert walk.pitch_degps == pytest.approx(3 * math.sqrt(2) * 0.5 / 0.1)
     assert walk.lift_mps > 3 * math.sqrt(2) * 0.003 / 0.1
     assert rail.cas_height_m == pytest.approx(0.03)
-    assert all(settings_of(name, STEEP, STEADY).map.cell_m == CELL_M for name in NAMES)
+    assert all(settings_of(name, STEEP, STEADY, CELL_M).map.cell_m == CELL_M for name in NAMES)
 
 
 def test_what_is_told_of_the_pose_has_the_errors_that_were_asked_for() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from core.records import F64
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Solid
-from tools.experiments.terrain.methods import CELL_M, Region
+from tools.experiments.terrain.methods import Region
 
 ARTEFACT_M = 0.015  # a cell so far off the truth is one
 SAMPLES = 5  # of the truth along an edge of a cell, its ends included
@@ -34,7 +34,7 @@ class Figures(NamedTuple):
 def truth_of(scene: Scene, region: Region) -> Truth:
     i, j = region.cells()
     part = np.linspace(1e-6, 1.0 - 1e-6, SAMPLES)
-    x, y = ((cells[:, None] + part).ravel() * CELL_M for cells in (i, j))
+    x, y = ((cells[:, None] + part).ravel() * region.cell_m for cells in (i, j))
     all_x, all_y = np.meshgrid(x, y)
     tiles = scene.height_at(all_x.ravel(), all_y.ravel()).reshape(len(j), SAMPLES, len(i), SAMPLES)
     return Truth(tiles.min(axis=(1, 3)), tiles.max(axis=(1, 3)))
@@ -70,11 +70,11 @@ def _edge_m(at_m: F64, profile_m: F64, half_m: float) -> float:
     if not below.size or below[0] == known[0]:
         return math.nan
     last, end = int(known[known < below[0]][-1]), int(below[0])
-    outwards = float(np.sign(at_m[1] - at_m[0]))
+    outwards_m = float(at_m[1] - at_m[0])
     if end != last + 1:
-        return float(at_m[last] + outwards * CELL_M / 2)
+        return float(at_m[last] + outwards_m / 2)
     share = (profile_m[last] - half_m) / (profile_m[last] - profile_m[end])
-    return float(at_m[last] + outwards * share * CELL_M)
+    return float(at_m[last] + share * outwards_m)
 
 
 def width_and_height_m(heights_m: F64, region: Region, box: Solid) -> tuple[float, float]:
@@ -86,7 +86,7 @@ def width_and_height_m(heights_m: F64, region: Region, box: Solid) -> tuple[floa
     the profile falls below half of it on one side to where it does so on the other.
     """
     i, j = region.cells()
-    x, y = (np.asarray((cells + 0.5) * CELL_M, np.float64) for cells in (i, j))
+    x, y = (np.asarray((cells + 0.5) * region.cell_m, np.float64) for cells in (i, j))
     (x0, x1), (y0, y1) = box.x, box.y
     middle_m, half_m = (y0 + y1) / 2, (y1 - y0) / 2
     part = heights_m[:, np.abs(x - (x0 + x1) / 2) < (x1 - x0) / 4]

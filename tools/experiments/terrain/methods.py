@@ -16,37 +16,37 @@ from config_file import load_config, with_changes
 from core.config import Config
 from core.map_settings import Certainty
 from core.mapping.certainty.maps import CertaintyMaps
-from core.mapping.certainty.scans import drop_shadows
 from core.mapping.layers import maybe_values
 from core.mapping.method import Maps
 from core.mapping.paper.maps import ReferencePlaneMaps
 from core.mapping.surface.maps import SurfaceMaps
-from core.records import F64, I64, Scan
+from core.records import F64, I64
 from tools.cli.options import ROBOTS
 from tools.experiments.terrain.ride import PERIOD_S, STEP_M, Gait
 from tools.experiments.terrain.sensors import SIDE_DEG, URG_NAME, Mount
 
-CELL_M, CELLS = 0.010, 401
+CELLS = 401
 SMALLER = 0.3  # than a driving robot's obstacles
 SIGMAS = 3.0 * math.sqrt(2.0)  # of the difference of two scans, at most
 LEAST_TURN_RADPS = 0.1  # of a rail, which turns nothing
 NOTHING: dict[str, Any] = {
     "min_group": 1,
     "three_scans": False,
-    "shadow_deg": 0.0,
     "cas": False,
     "fill": False,
 }
+FILTER = "shadow filter"  # of no method's own
 STEPS = {  # settings that each takes from the shipped ones
     "groups": ("min_group",),
     "three scans": ("three_scans",),
     "CAS": ("cas",),
-    "shadow filter": ("shadow_deg",),
+    FILTER: (),
 }
 ALL = tuple(key for keys in STEPS.values() for key in keys)
 CERTAINTY = {"none": (), **STEPS, "all": ALL, "all, filled": (*ALL, "fill")}
+FILTERED = (FILTER, "all", "all, filled")
 LENGTHS = ("group_gap_m", "three_scans_m", "cas_height_m")
-SHADED = "surface, shadow filter"  # which is no part of it: its scans go through that first
+SHADED = f"surface, {FILTER}"
 NAMES = (*(f"certainty, {steps}" for steps in CERTAINTY), "surface", SHADED, "reference_plane")
 
 
@@ -55,12 +55,13 @@ class Region(NamedTuple):
 
     x_m: tuple[float, float]
     y_m: tuple[float, float]
+    cell_m: float
 
     def cells(self) -> tuple[I64, I64]:
         """World indices of its columns (n,) and rows (m,)."""
         i, j = (
-            np.arange(round(low / CELL_M), round(high / CELL_M), dtype=np.int64)
-            for low, high in self
+            np.arange(round(low / self.cell_m), round(high / self.cell_m), dtype=np.int64)
+            for low, high in (self.x_m, self.y_m)
         )
         return i, j
 
@@ -95,7 +96,11 @@ def _certainty_of(steps: str, gait: Gait) -> dict[str, Any]:
     }
 
 
-def settings_of(name: str, mount: Mount, gait: Gait) -> Config:
+def _filter_before(methods: list[str]) -> dict[str, Any]:
+    return {**msgspec.to_builtins(_robot("urg04lx").shadow_filter), "methods": methods}
+
+
+def settings_of(name: str, mount: Mount, gait: Gait, cell_m: float) -> Config:
     """Of a method and what it sees with; ValueError: no method is called so."""
     if name not in NAMES:
         raise ValueError(f"method: must be one of {', '.join(NAMES)}, is {name!r}")
@@ -115,7 +120,8 @@ def settings_of(name: str, mount: Mount, gait: Gait) -> Config:
             "mount_z_m": mount.height_m,
             "mount_tilt_deg": mount.tilt_deg,
         },
-        map={"method": method, "cells": CELLS, "cell_m": CELL_M},
+        map={"method": method, "cells": CELLS, "cell_m": cell_m},
+        shadow_filter=_filter_before([method] if steps in FILTERED else []),
         obstacle={
             "h_pos_m": SMALLER * obstacle.h_pos_m,
             "h_neg_m": SMALLER * obstacle.h_neg_m,
@@ -123,15 +129,6 @@ def settings_of(name: str, mount: Mount, gait: Gait) -> Config:
         },
         **({"certainty": _certainty_of(steps, gait)} if method == "certainty" else {}),
     )
-
-
-def without_shadows(scan: Scan) -> Scan:
-    """A scan after the shadow filter of certainty, as shipped."""
-    given = _shipped()
-    ranges_m, room = scan.ranges_m[0].copy(), np.zeros(scan.ranges_m.shape[1], np.uint8)
-    least_rad = math.radians(given.shadow_deg)
-    drop_shadows(ranges_m, scan.step_rad, least_rad, given.shadow_beams, room)
-    return msgspec.structs.replace(scan, ranges_m=ranges_m[None])
 
 
 def maps_of(config: Config) -> Maps:

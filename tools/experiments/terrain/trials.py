@@ -6,19 +6,18 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from core.records import F64, Scan
+from core.mapping.shadows import ShadowFilter
+from core.records import F64
 from fakes.scenes.scene import Scene
 from hw.stripe.options import StripeOptions
 from tools.experiments.terrain import scenes
 from tools.experiments.terrain.measure import Figures, figures, truth_of, width_and_height_m
 from tools.experiments.terrain.methods import (
     NAMES,
-    SHADED,
     Region,
     heights_m,
     maps_of,
     settings_of,
-    without_shadows,
 )
 from tools.experiments.terrain.ride import STEADY, STEP_M, WALKING, Gait, Ride, Sensor
 from tools.experiments.terrain.sensors import Mount, Stripe, Urg
@@ -26,8 +25,9 @@ from tools.experiments.terrain.sensors import Mount, Stripe, Urg
 STEEP, FLAT = Mount(0.35, 55.0), Mount(0.50, 35.0)  # c and b of docs/terrain.md
 STRIPE = Mount(0.40, 40.0, is_stripe=True)  # as in robots/ragno.toml
 BY_STRIPE = ("surface",)  # the other methods take beams of one lens alone
-BOXES = Region((0.60, 1.00), (-0.40, 0.40))
-ROCKY = Region((0.0, scenes.ROCKY_M), (-scenes.ROCKY_M / 2, scenes.ROCKY_M / 2))
+BOXES = Region((0.60, 1.00), (-0.40, 0.40), 0.005)
+SINGLE = Region((0.60, 1.00), (-0.40, 0.40), 0.010)
+ROCKY = Region((0.0, scenes.ROCKY_M), (-scenes.ROCKY_M / 2, scenes.ROCKY_M / 2), 0.010)
 LEAD_M = 0.15  # the ride begins and ends so far before and behind a region
 NEAR_CELLS = 2  # so near to a thing, it is in the map
 Walk = Literal["steady", "walking"]
@@ -45,7 +45,7 @@ def mapped_m(
     scene: Scene, mount: Mount, region: Region, gait: Gait, seed: int, names: Sequence[str]
 ) -> dict[str, F64]:
     """Heights [j, i] of a region after one ride over it, by method: all get the same scans."""
-    configs = {name: settings_of(name, mount, gait) for name in names}
+    configs = {name: settings_of(name, mount, gait, region.cell_m) for name in names}
     options = next(iter(configs.values())).scanner.options
     sensor: Sensor = Urg(scene, mount, seed)
     if isinstance(options, StripeOptions):
@@ -53,12 +53,11 @@ def mapped_m(
     ahead_m = mount.height_m / math.tan(math.radians(mount.tilt_deg))
     begin_m, end_m = (x - ahead_m + STEP_M * _chance(seed) for x in region.x_m)
     ride = Ride(sensor, (begin_m - LEAD_M, end_m + LEAD_M), gait, seed)
-    maps = {name: maps_of(config) for name, config in configs.items()}
+    maps = {name: (maps_of(config), ShadowFilter(config)) for name, config in configs.items()}
     for scan in ride.scans():
-        for name, one in maps.items():
-            given = without_shadows(scan) if name == SHADED and isinstance(scan, Scan) else scan
-            one.add(given, ride.attitudes, ride.track)
-    return {name: heights_m(one, region) for name, one in maps.items()}
+        for one, shadows in maps.values():
+            one.add(shadows.cleaned(scan), ride.attitudes, ride.track)
+    return {name: heights_m(one, region) for name, (one, _) in maps.items()}
 
 
 def _chance(seed: int) -> float:
@@ -81,7 +80,7 @@ def sizes_off(seed: int, mount: Mount, names: Sequence[str]) -> dict[str, F64]:
 def thing_seen(thing: str, seed: int, names: Sequence[str] = NAMES) -> dict[str, Seen]:
     """One thing alone on the floor, by method."""
     scene = scenes.scene(thing, scenes.thing(thing, seed))
-    truth = truth_of(scene, BOXES)
+    truth = truth_of(scene, SINGLE)
     stands = truth.high_m > 0.0
     about = stands.copy()
     for axis in (0, 1):
@@ -90,7 +89,7 @@ def thing_seen(thing: str, seed: int, names: Sequence[str] = NAMES) -> dict[str,
     half_m = truth.high_m.max() / 2
     return {
         name: Seen(figures(told, truth), bool((told[about] >= half_m).any()))
-        for name, told in mapped_m(scene, STEEP, BOXES, STEADY, seed, names).items()
+        for name, told in mapped_m(scene, STEEP, SINGLE, STEADY, seed, names).items()
     }
 
 

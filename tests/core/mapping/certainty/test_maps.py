@@ -82,8 +82,8 @@ def with_box(range_m: float = 5.0, beams: slice = slice(200, 260)) -> F64:
 
 
 def test_a_scan_is_mapped_once_the_next_has_come_and_what_it_alone_met_is_not() -> None:
-    robot = Standing(settings_of(shadow_deg=0.0))
-    at_once = Standing(settings_of(shadow_deg=0.0, three_scans=False))
+    robot = Standing(settings_of())
+    at_once = Standing(settings_of(three_scans=False))
     used = at_once.scan(FLOOR_M)
     assert used > 300
     assert robot.scan(FLOOR_M) == 0
@@ -124,7 +124,7 @@ def test_floor_a_box_and_a_pit_are_told_as_what_they_are(three_scans: bool) -> N
 def test_a_walking_robots_small_cells_and_steep_mount(cell_m: float) -> None:
     mount = {"mount_x_m": 0.0, "mount_z_m": 0.30, "mount_tilt_deg": 55.0}
     config = with_changes(
-        settings_of(three_scans=False, shadow_deg=0.0),
+        settings_of(three_scans=False),
         map={"cells": 100, "cell_m": cell_m},
         obstacle={"window_cells": 100, "h_pos_m": 0.03, "h_neg_m": -0.03},
         scanner=mount,

@@ -8,18 +8,15 @@ from hypothesis import strategies as st
 
 from core.mapping.certainty.scans import (
     Look,
-    drop_shadows,
     drop_small_groups,
     keep_supported,
     take,
 )
 from tests.support.cases import examples
-from tests.support.slow_certainty import groups_left, shadows_left, supported
+from tests.support.slow_certainty import groups_left, supported
 
 STEP_RAD = math.radians(0.36)
 RANGES = st.lists(st.one_of(st.sampled_from([1.0, 1.05, 1.3, 3.0]), st.just(math.nan)), max_size=30)
-# what a line of two readings makes with the beam is nowhere near the bound
-FAR_RANGES = st.lists(st.sampled_from([1.0, 1.001, 1.5, 3.0, math.nan]), max_size=30)
 
 
 @settings(max_examples=examples(100), deadline=None)
@@ -28,14 +25,6 @@ def test_small_groups_go(ranges: list[float], least: int) -> None:
     left = np.array(ranges)
     drop_small_groups(left, 0.1, least)
     np.testing.assert_array_equal(left, groups_left(ranges, 0.1, least))
-
-
-@settings(max_examples=examples(100), deadline=None)
-@given(ranges=FAR_RANGES, window=st.integers(1, 4))
-def test_shadows_go(ranges: list[float], window: int) -> None:
-    left, least_rad = np.array(ranges), math.radians(10.0)
-    drop_shadows(left, STEP_RAD, least_rad, window, np.zeros(40, np.uint8))
-    np.testing.assert_array_equal(left, shadows_left(ranges, STEP_RAD, least_rad, window))
 
 
 @settings(max_examples=examples(100), deadline=None)
@@ -55,13 +44,6 @@ def test_what_neither_the_scan_before_nor_the_next_supports_goes(
     before, after = (Look(np.array(other), math.nan) for other in others)
     keep_supported(np.array(ranges), before, after, 0.1, kept)
     assert not kept.any()  # scans of other beams say nothing
-
-
-def test_the_far_side_of_an_edge_is_taken_for_its_shadow_and_flat_walls_are_not() -> None:
-    near, mixed, wall = 1.0, 1.6, 3.0
-    ranges_m = np.array([near] * 6 + [mixed] + [wall] * 6)
-    drop_shadows(ranges_m, STEP_RAD, math.radians(10.0), 1, np.zeros(13, np.uint8))
-    assert np.isnan(ranges_m).tolist() == [False] * 6 + [True] * 2 + [False] * 5
 
 
 def test_what_is_no_range_is_not_taken() -> None:

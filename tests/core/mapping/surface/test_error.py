@@ -174,6 +174,20 @@ def test_an_hour_of_turning_on_the_spot_moves_nothing_away() -> None:
     assert np.abs(ground.cells["ground_m"][seen]).max() < 0.03
 
 
+@pytest.mark.parametrize("height_m", [0.012, -0.017, 0.031])
+def test_floor_that_most_returns_agree_on_lies_at_their_mean(height_m: float) -> None:
+    """Not at the middle of the bins in which they are counted: that is off by up to half of one."""
+    random, room = np.random.default_rng(6), SweepFilter().room
+    returns = records(RETURN, 200)
+    returns["at"], returns["var_m2"] = 7, 1.0
+    heights_m = height_m + random.normal(0.0, 0.004, 200)
+    returns["height_m"] = returns["near_m"] = heights_m
+    returns["height_m"][:40] += 0.3  # a thing
+    agree(returns, TIED, LIMITS, room.bins)
+    assert abs(float(returns["height_m"][40:].mean())) < 1e-6
+    assert (returns["tied"] == TIED).all()
+
+
 STEPS = st.lists(
     st.one_of(
         st.tuples(st.just("forget"), st.floats(0.0, 60.0), st.floats(-50.0, 50.0)),

@@ -2,6 +2,7 @@
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -9,8 +10,9 @@ from core.mapping import causes
 from core.mapping.freshness import SWEEP_S
 from core.mapping.layers import ON_ASKING, UNITS, maybe_layer, maybe_values
 from core.mapping.method import is_low
+from core.mapping.shadows import NOTHING_M
 from core.mapping.surface.maps import SurfaceMaps
-from core.records import FREE, OBSTACLE, UNKNOWN
+from core.records import FREE, OBSTACLE, UNKNOWN, Scan
 from jit import COMPILED
 from tests.support.cases import few
 from tests.support.cell_rig import CellRig
@@ -92,6 +94,23 @@ def test_a_box_is_an_obstacle_and_once_it_is_gone_free_ground_very_soon() -> Non
     assert stood
     assert free_s - GONE_S <= 0.6 + SCAN_S
     assert len(places_where(rig, OBSTACLE)) == 0
+
+
+def test_a_beam_that_came_back_and_tells_nothing_is_no_sign_of_missing_ground() -> None:
+    """As the shadow filter leaves them; beams that did not come back tell of it."""
+    told = {}
+    for taken_m in (NOTHING_M, math.nan):
+        rig = drive(World(), 3.0)
+        maps, mapper = maps_of(rig), rig.mapper
+        assert isinstance(mapper.newest_scan, Scan)
+        ranges_m = mapper.newest_scan.ranges_m.copy()
+        ranges_m[:, 200:280] = taken_m
+        beyond = msgspec.structs.replace(mapper.newest_scan, ranges_m=ranges_m)
+        for _ in range(6):
+            maps.add(beyond, mapper.attitudes, mapper.odometry)
+        told[taken_m] = len(places_where(rig, OBSTACLE))
+    assert told[NOTHING_M] == 0
+    assert told[math.nan] > 0
 
 
 @pytest.mark.parametrize("width_m", few([0.3, 0.6, 1.5], 2))

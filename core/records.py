@@ -190,3 +190,41 @@ class StopZoneReport(Struct, frozen=True):
     sectors_m: tuple[float, ...]
     state: int  # 0 unknown, 1 clear, 2 slow, 3 stop
     causes: int  # bits: 0 obstacle, 1 unseen ground, 2 drop, 3 map or pose not to be trusted
+
+
+OBJECT_STATIC, OBJECT_MOVED, OBJECT_MOVING = 1, 2, 3  # kinds: never moved, has moved, moves now
+
+
+class ObjectReport(Struct, frozen=True, eq=False):
+    """One object of the vector map, map frame."""
+
+    id: int  # 0 to 2^32 - 1; never that of another object in one run
+    kind: int  # OBJECT_...
+    outline_m: F64  # (n, 2) corners of a simple polygon, counter-clockwise, the first not repeated
+    bottom_m: float  # above the floor
+    top_m: float
+    velocity_mps: tuple[float, float]  # along map x and y; (0, 0) unless it moves
+    confidence: float  # 0 to 1: that it is there
+    seen_s: float  # host monotonic clock, when it was last seen
+
+
+class ObjectChanges(Struct, frozen=True, eq=False):
+    """What became of the objects since an older version of their map."""
+
+    changed: tuple[ObjectReport, ...]  # new ones, and those of which something is different
+    gone: tuple[int, ...]  # ids
+
+
+class PathSegment(Struct, frozen=True, eq=False):
+    """A part of a path that is driven for one purpose."""
+
+    sweeps: bool  # the tool works; else the robot only travels
+    points_m: F64  # (n, 2), map frame, in the order of driving
+
+
+class PathReport(Struct, frozen=True, eq=False):
+    """What the robot is to drive along; no segments: there is no path."""
+
+    version: int  # another one with each change of the segments
+    segments: tuple[PathSegment, ...]
+    ahead: int | None  # the point, counted through all segments, that it drives to; None: to none

@@ -58,12 +58,17 @@ What a planner has to know:
   cause for which a cell is what it is, or for feet the way to the next edge and how good a foothold
   it is; what gets lost is asked for again. `Receiver.ask_scan` asks for the points of the newest
   sweep. With `poll_only` nothing is pushed, and that is all.
+- `Receiver.vectors` has the objects that the sender knows (outlines with heights) and the path, where
+  it tells of them. `objects_state` and `path_state` say whether they may be outdated;
+  `fresh_objects` leaves out what moved and was not seen for half a second. What is not in the list
+  is not therefore free.
 - With a key of 32 bytes, frames without a valid tag are refused, and answers are signed.
 - Nothing raises on what arrives. `OSError`: the wire is gone. `ValueError`: a wrong argument.
 """
 
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Geometry, Pose, StopZone
 from mapod_link.client import Link, open_link
+from mapod_link.objects import LinkObject
 from mapod_link.receiver import Receiver
 from mapod_link.scans import SweepPoints
 from mapod_link.serial_line import serial_from_frame
@@ -75,6 +80,7 @@ __all__ = [
     "UNKNOWN",
     "Geometry",
     "Link",
+    "LinkObject",
     "Pose",
     "Receiver",
     "StopZone",

@@ -17,7 +17,7 @@ UPRIGHT_BODY = struct.Struct("<iHhhH")  # z, sigma_z, pitch, roll, sigma_tilt; b
 ASK_BODY = struct.Struct("<HBBhhHH")  # id, what, layer, i, j, width, height
 POLL = 1 << 0  # capability: push nothing, I ask
 ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE = 1 << 0, 1 << 1, 1 << 2, 1 << 3
-ASK_SCAN, IN_WINDOW = 1 << 4, 1 << 7
+ASK_SCAN, ASK_OBJECTS, ASK_PATH, IN_WINDOW = 1 << 4, 1 << 5, 1 << 6, 1 << 7
 NEED_GEOM, NEED_FULL, STALE, SUSPECT = 1 << 0, 1 << 1, 1 << 2, 1 << 3  # of an ACK's status
 PLANNER_STOPPED, DIGEST_OK, AUTH_FAILED = 1 << 4, 1 << 5, 1 << 6
 LONGEST_HOLD_S, HOLD_UNIT_S = 6.5535, 0.0001
@@ -59,6 +59,12 @@ class Needs:
     digest_ok: bool = False  # that DIGEST is the map's
     auth_failed: bool = False  # the newest frame had no right tag
     too_many_cells: int = 0  # of a window that cannot be held; 0: none was announced
+
+    def status(self, blank: bool, stale: bool, suspect: bool, stopped: bool) -> int:
+        """The bits of an ACK's status; `blank`: there is no geometry."""
+        needs_geom = self.geom or blank
+        bits = needs_geom, self.full, stale, suspect, stopped, self.digest_ok, self.auth_failed
+        return sum(bit << i for i, bit in enumerate(bits))
 
 
 def hello_body(nonce: int, max_cells: int, max_frame: int = MAX_FRAME, poll: bool = False) -> bytes:
@@ -174,7 +180,8 @@ def ask_body(
     """Body of an ASK frame.
 
     Args:
-        what: ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, ASK_SCAN and IN_WINDOW, added up.
+        what: ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE, ASK_SCAN, ASK_OBJECTS, ASK_PATH and
+            IN_WINDOW, added up.
         place: lowest column and row; in the endless grid, or with IN_WINDOW in the window.
         shape: (height, width) in cells.
     """

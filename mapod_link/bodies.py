@@ -10,7 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mapod_link.frames import DIGEST, GEOM, MAP, POSE, SCAN, STOP_ZONE, TILE, Frame
+from mapod_link.frames import DIGEST, GEOM, MAP, OBJECTS, PATH, POSE, SCAN, STOP_ZONE, TILE, Frame
+from mapod_link.objects import ObjectsPiece, maybe_objects_piece
+from mapod_link.paths import PathPiece, maybe_path_piece
 from mapod_link.scans import ScanPiece, maybe_scan_piece
 from mapod_link.tiles import TilePiece, maybe_tile_piece
 
@@ -231,7 +233,8 @@ def maybe_digest(body: bytes) -> Digest | None:
     return Digest(*DIGEST_BODY.unpack(body)) if len(body) == DIGEST_BODY.size else None
 
 
-Body = Geometry | Pose | StopZone | MapUpdate | Digest | TilePiece | ScanPiece
+Told = Geometry | Pose | StopZone | MapUpdate | Digest
+Body = Told | TilePiece | ScanPiece | ObjectsPiece | PathPiece
 
 
 def maybe_body(frame: Frame, arrived_s: float, cells: int) -> Body | None:
@@ -242,10 +245,13 @@ def maybe_body(frame: Frame, arrived_s: float, cells: int) -> Body | None:
         return maybe_pose(frame.body, frame.t_ms, arrived_s)
     if frame.type == STOP_ZONE:
         return maybe_stop_zone(frame.body, frame.t_ms, arrived_s)
+    if frame.type == OBJECTS:
+        return maybe_objects_piece(frame.body, frame.t_ms)
     readers: dict[int, Callable[[bytes], Body | None]] = {
         GEOM: maybe_geometry,
         DIGEST: maybe_digest,
         TILE: maybe_tile_piece,
         SCAN: maybe_scan_piece,
+        PATH: maybe_path_piece,
     }
     return readers[frame.type](frame.body) if frame.type in readers else None

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 VERSION, MAX_FRAME = 1, 368
 GEOM, POSE, MAP, DIGEST, STOP_ZONE, TILE, SCAN = 1, 2, 3, 4, 5, 6, 7  # types, to the receiver
+OBJECTS, PATH = 13, 14  # likewise
 ACK, HELLO, DRIVE, ASK, EXTERNAL_POSE = 8, 9, 10, 11, 12  # to the sender
 MORE, REFRESH, AUTH, RESERVED_FLAGS = 1 << 0, 1 << 1, 1 << 4, 0xE0
 TAG_SIZE, CRC_SIZE = 8, 4

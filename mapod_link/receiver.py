@@ -10,7 +10,6 @@ import math
 from collections import Counter
 
 from mapod_link import asking
-from mapod_link.asking import Needs, Talk
 from mapod_link.bodies import (
     Body,
     Digest,
@@ -39,6 +38,7 @@ from mapod_link.frames import (
 from mapod_link.scans import ScanPiece, SweepPoints
 from mapod_link.serial_line import Deframer, serial_from_frame
 from mapod_link.tiles import MOST_CELLS, Tile, TilePiece, Tiles
+from mapod_link.vectors import ObjectsPiece, PathPiece, Vectors
 
 HELLO_PERIOD_S = 0.25
 NOTHING_S = 1e-6  # of rounding, where ticks and periods agree
@@ -61,7 +61,7 @@ class Receiver:
         stopped: PLANNER_STOPPED in each ACK: the sender moves nothing while it is set.
         accepted: frames taken, by type. rejected: frames refused, by reason.
         ignored: how many frames were left alone. numbers: which frames have arrived.
-        needs: what is not as it should be with the map here.
+        needs: what is not as it should be with the map here. vectors: objects and the path.
     """
 
     def __init__(
@@ -80,9 +80,10 @@ class Receiver:
         self.geom: Geometry | None = None
         self.pose: Pose | None = None
         self.stop_zone: StopZone | None = None
-        self.numbers, self.ignored, self.needs = Numbers(key), Ignored(), Needs()
+        self.numbers, self.ignored, self.needs = Numbers(key), Ignored(), asking.Needs()
         self.tiles, self._map, self._deframer = Tiles(), CellMap(0, 0), Deframer()
-        self._talk = Talk(Outbox(key), ack_every, ack_period_s, max_cells)
+        self.vectors = Vectors(self.numbers)
+        self._talk = asking.Talk(Outbox(key), ack_every, ack_period_s, max_cells)
 
     @property
     def cells(self) -> U8:
@@ -186,7 +187,7 @@ class Receiver:
         if not self.poll_only and now_s - talk.acked_s >= period_s - NOTHING_S:
             self.acknowledge(now_s)
         if self._may_ask:
-            for body in self.tiles.questions(now_s):
+            for body in self.tiles.questions(now_s) + self.vectors.questions(now_s):
                 self._send(now_s, ASK, body)
         return talk.outbox.take()
 
@@ -279,17 +280,11 @@ class Receiver:
 
     def ack(self, now_s: float) -> bytes:
         """The body of an ACK as of now."""
-        numbers = self.numbers
-        bits = (
-            self.needs.geom or self.geom is None, self.needs.full, self.stale(now_s), self.suspect,
-            self.stopped, self.needs.digest_ok, self.needs.auth_failed,
-        )  # fmt: skip
-        return asking.ack_body(
-            *(numbers.last, numbers.mask, numbers.t_ms, now_s - numbers.counted_s),
-            self.rejected.total(),
-            sum(bit << i for i, bit in enumerate(bits)),
-            self.geom.geom_id if self.geom else 0,
-        )
+        numbers, needs = self.numbers, self.needs
+        status = needs.status(self.geom is None, self.stale(now_s), self.suspect, self.stopped)
+        newest = numbers.last, numbers.mask, numbers.t_ms, now_s - numbers.counted_s
+        geom_id = self.geom.geom_id if self.geom else 0
+        return asking.ack_body(*newest, self.rejected.total(), status, geom_id)
 
     @property
     def _may_ask(self) -> bool:
@@ -331,6 +326,7 @@ class Receiver:
             return "body"
         if anew and not begins:
             self._map.forget()
+            self.vectors.forget()
             numbers.gap = None
         numbers.count(now_s, frame, begins or anew)
         self.accepted[frame.type] += 1
@@ -363,8 +359,11 @@ class Receiver:
                 self.tiles.scans.take(now_s, body)
             case Digest():
                 self._compare(body)
+            case ObjectsPiece() | PathPiece():
+                self.vectors.take(now_s, body, frame.t_ms, self.geom)
             case None:
                 self.ignored.types += 1
+                self.vectors.damage(frame.type)
 
     # Section 4: the map
 
@@ -383,6 +382,7 @@ class Receiver:
             self.needs.full = self.needs.digest_ok = False
             self._map = CellMap(geom.width, geom.height) if self.geom else CellMap(0, 0)
             self.numbers.gap = None
+            self.vectors.forget()
 
     def _apply(self, now_s: float, update: MapUpdate) -> None:
         corner = self.geom.corner_around(self.pose) if self.geom and self.pose else (0, 0)

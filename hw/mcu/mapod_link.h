@@ -16,6 +16,10 @@
  *   MAPOD_LINK_LEFT_SESSIONS  with AUTH: runs of the sender that can be told as left (8)
  *   MAPOD_FRAME_MAX           longest frame taken, 64 to 368 (368); told to the sender by HELLO
  *   MAPOD_LINK_NO_TILES       no STOP_ZONE and no TILE: their frames count as of unknown type
+ *   MAPOD_LINK_OBJECTS        OBJECTS and PATH; without it their frames count as of unknown type
+ *   MAPOD_OBJECTS_MAX         with it: objects that there is room for (32)
+ *   MAPOD_CORNERS_MAX         with it: corners of one, 4 to 64 (16); of more, its box is kept
+ *   MAPOD_PATH_MAX            with it: points of the path that there is room for (256)
  *
  * WHAT TO CALL WHEN (example.c is all of this, ready to be copied).
  *   At start: mapod_link_init, with memory for the map: MAPOD_CELL_BYTES(w, h) gives 2 551 bytes
@@ -24,7 +28,8 @@
  *   For each byte from the UART: mapod_link_byte. For each UDP datagram: mapod_link_datagram. Both
  *     tell what came of it, see `enum mapod_outcome`. After MAPOD_DIGEST call
  *     mapod_link_check_digest, after MAPOD_STOP_ZONE mapod_zone_from, after MAPOD_TILE
- *     mapod_tile_from, at once: the next byte overwrites them.
+ *     mapod_tile_from, after MAPOD_OBJECTS mapod_objects_from, after MAPOD_PATH mapod_path_from, at
+ *     once: the next byte overwrites them.
  *   Every 10 to 50 ms: mapod_talk_poll; send what it builds (HELLO until the geometry is known,
  *     ACK every 16 frames and every 100 ms). Without a return path leave it out. On a serial line
  *     every frame goes through mapod_talk_serial; over UDP it goes out as it is.
@@ -149,6 +154,8 @@ enum mapod_outcome {
     MAPOD_DIGEST = 4,
     MAPOD_STOP_ZONE = 5,
     MAPOD_TILE = 6,
+    MAPOD_OBJECTS = 13,
+    MAPOD_PATH = 14,
     MAPOD_UNKNOWN_TYPE = 16,
     MAPOD_FOREIGN_MAP = 17, /* MAP of another geometry: not used, GEOM is asked for */
     MAPOD_TOO_LARGE = 18    /* GEOM of a window that `cells` does not hold: there is no map */
@@ -219,6 +226,10 @@ struct mapod_link {
     uint32_t pose_ms;
     uint32_t map_ms;
     struct mapod_pose pose;
+#ifdef MAPOD_LINK_OBJECTS
+    uint32_t gaps;   /* how often frames were missing */
+    uint32_t epochs; /* how often all that was told became void */
+#endif
 #ifdef MAPOD_LINK_AUTH
     const uint8_t *key; /* 32 bytes, or NULL */
     uint32_t nonce;
@@ -340,6 +351,8 @@ MAPOD_LINK_API uint32_t mapod_talk_external_pose(struct mapod_talk *talk,
 #define MAPOD_ASK_POSE 0x02u
 #define MAPOD_ASK_STOP_ZONE 0x04u
 #define MAPOD_ASK_TILE 0x08u
+#define MAPOD_ASK_OBJECTS 0x20u
+#define MAPOD_ASK_PATH 0x40u
 #define MAPOD_ASK_IN_WINDOW 0x80u /* i, j count from the window's lowest column and row */
 
 #define MAPOD_LAYER_CLASS 0u
@@ -428,6 +441,143 @@ MAPOD_LINK_API bool mapod_tile_from(const struct mapod_link *link, struct mapod_
  * know it (class: MAPOD_UNKNOWN), and for k >= count. Low ground is no promise: only class FREE
  * says that a cell is free. */
 MAPOD_LINK_API int32_t mapod_tile_value(const struct mapod_tile *tile, uint32_t k);
+
+#ifdef MAPOD_LINK_OBJECTS
+
+/* What a list of objects, or the path, is worth. All but KNOWN: it may be outdated. */
+enum mapod_worth {
+    MAPOD_WORTH_KNOWN = 0,
+    MAPOD_WORTH_NONE,     /* nothing was told yet */
+    MAPOD_WORTH_LATE,     /* no frame for MAPOD_OBJECTS_STALE_MS, or MAPOD_PATH_STALE_MS */
+    MAPOD_WORTH_GAP,      /* a frame is missing since the newest one */
+    MAPOD_WORTH_LEFT_OUT, /* not all fits here: MAPOD_OBJECTS_MAX, MAPOD_PATH_MAX */
+    MAPOD_WORTH_DIFFERS,  /* something is missing: ask for it, if that does not end by itself */
+    MAPOD_WORTH_WAITING,  /* the sender has more to tell */
+    MAPOD_WORTH_BLIND     /* nothing has looked for objects for MAPOD_LOOK_STALE_MS */
+};
+
+/* ---- OBJECTS: the sender's vector map. What is not in it is not therefore free. ---- */
+
+#ifndef MAPOD_OBJECTS_MAX
+#define MAPOD_OBJECTS_MAX 32u
+#endif
+#ifndef MAPOD_CORNERS_MAX
+#define MAPOD_CORNERS_MAX 16u
+#endif
+#if (MAPOD_CORNERS_MAX < 4u) || (MAPOD_CORNERS_MAX > 64u)
+#error "MAPOD_CORNERS_MAX must be within 4 to 64"
+#endif
+#ifndef MAPOD_OBJECTS_STALE_MS
+#define MAPOD_OBJECTS_STALE_MS 350u
+#endif
+#ifndef MAPOD_MOVING_STALE_MS
+#define MAPOD_MOVING_STALE_MS 500u
+#endif
+#ifndef MAPOD_LOOK_STALE_MS
+#define MAPOD_LOOK_STALE_MS 1000u
+#endif
+#define MAPOD_OBJECT_STATIC 1u /* has never moved; kinds above 3 are of later days, and stand */
+#define MAPOD_OBJECT_MOVED 2u
+#define MAPOD_OBJECT_MOVING 3u
+#define MAPOD_OBJECT_ENLARGED 0x01u /* the outline is larger than the object's own */
+
+struct mapod_object {
+    uint32_t id;     /* never that of another object in one run of the sender */
+    uint32_t digest; /* of all but its age, as it was told */
+    uint32_t seen_ms; /* the sender's clock, when it was last seen */
+    int32_t x_mm;    /* map frame: where the corners count from */
+    int32_t y_mm;
+    int16_t bottom_mm; /* above the floor */
+    int16_t top_mm;    /* 32 767: that or more */
+    int16_t vx_mmps;   /* along map x and y */
+    int16_t vy_mmps;
+    uint8_t kind;
+    uint8_t confidence; /* 0 to 255: that it is there */
+    uint8_t flags;
+    uint8_t unit_mm; /* that corner_x and corner_y count in */
+    uint8_t corners; /* counter-clockwise */
+    bool forgotten;  /* it was not seen for 65 s or more when it was told, or has grown old since */
+    int16_t corner_x[MAPOD_CORNERS_MAX];
+    int16_t corner_y[MAPOD_CORNERS_MAX];
+};
+
+struct mapod_objects {
+    uint32_t count;      /* of `items`, in no order */
+    uint32_t told;       /* that there must be */
+    uint32_t waiting;    /* that the sender still has to tell, or to tell again */
+    uint32_t digest;     /* sum of the items' */
+    uint32_t arrived_ms; /* own clock, newest frame */
+    uint32_t t_ms;       /* the sender's clock there */
+    uint32_t look_ms;    /* how old the newest look for objects was then */
+    uint32_t gaps;
+    uint32_t epochs;
+    bool any;      /* a frame of this epoch has come */
+    bool agrees;   /* the list is the one that the newest frame speaks of */
+    bool left_out; /* an object did not fit in */
+    bool late;
+    struct mapod_object items[MAPOD_OBJECTS_MAX];
+};
+
+/* Begins with an empty list. */
+MAPOD_LINK_API void mapod_objects_init(struct mapod_objects *objects);
+/* After MAPOD_OBJECTS: takes it out of the buffer. False: there is none, it is of another epoch, or
+ * it can't be read: then MAPOD_WORTH_DIFFERS. */
+MAPOD_LINK_API bool mapod_objects_from(struct mapod_objects *objects,
+                                       const struct mapod_link *link);
+/* What the list is worth now; to be called before it is used, and at least once a day. A new epoch
+ * empties it. */
+MAPOD_LINK_API enum mapod_worth mapod_objects_worth(struct mapod_objects *objects,
+                                                    const struct mapod_link *link,
+                                                    uint32_t now_ms);
+/* Whether item k moved and was not seen for MAPOD_MOVING_STALE_MS: nobody knows where it is. To be
+ * called at least once a day: what is old stays so until it is told anew. */
+MAPOD_LINK_API bool mapod_objects_old(struct mapod_objects *objects, uint32_t k, uint32_t now_ms);
+
+/* ---- PATH: what the robot is to drive along ---- */
+
+#ifndef MAPOD_PATH_MAX
+#define MAPOD_PATH_MAX 256u
+#endif
+#ifndef MAPOD_PATH_STALE_MS
+#define MAPOD_PATH_STALE_MS 700u
+#endif
+#define MAPOD_PATH_TRAVEL 0u /* kinds of a segment; higher ones are of later days */
+#define MAPOD_PATH_SWEEP 1u
+#define MAPOD_PATH_NOWHERE 65535u
+
+struct mapod_path_point {
+    int32_t x_mm; /* map frame */
+    int32_t y_mm;
+    uint16_t segment;
+    uint8_t kind;
+    bool here; /* it has arrived */
+};
+
+struct mapod_path {
+    uint32_t arrived_ms; /* own clock, newest frame */
+    uint32_t gaps;
+    uint32_t epochs;
+    uint32_t missing; /* points that have not arrived */
+    uint16_t number;  /* of the path; 0: none was told */
+    uint16_t total;   /* points of the whole path; those from MAPOD_PATH_MAX on are not kept */
+    uint16_t segments;
+    uint16_t ahead;    /* the point that the robot drives to; total: it has passed all; or NOWHERE */
+    uint16_t left_out; /* points behind the last that the sender could not tell */
+    bool damaged;
+    bool late;
+    struct mapod_path_point points[MAPOD_PATH_MAX];
+};
+
+/* Begins without a path. */
+MAPOD_LINK_API void mapod_path_init(struct mapod_path *path);
+/* After MAPOD_PATH: takes it out of the buffer. False: there is none, it is of another epoch, or it
+ * can't be read: then MAPOD_WORTH_DIFFERS until the next one. */
+MAPOD_LINK_API bool mapod_path_from(struct mapod_path *path, const struct mapod_link *link);
+/* What the path is worth now; to be called before it is used, and at least once a day. */
+MAPOD_LINK_API enum mapod_worth mapod_path_worth(struct mapod_path *path,
+                                                 const struct mapod_link *link, uint32_t now_ms);
+
+#endif
 
 #ifdef __cplusplus
 }
@@ -533,7 +683,7 @@ static int16_t mapod_p_i16(const uint8_t *at)
     return mapod_p_signed(mapod_p_u16(at));
 }
 
-#ifdef MAPOD_LINK_BIG_ENDIAN
+#if defined(MAPOD_LINK_BIG_ENDIAN) || defined(MAPOD_LINK_OBJECTS)
 static int32_t mapod_p_i32(const uint8_t *at)
 {
     const uint32_t number = mapod_p_u32(at);
@@ -951,7 +1101,8 @@ MAPOD_LINK_API uint32_t mapod_talk_ask(struct mapod_talk *talk, const struct map
 {
     uint8_t *const body = &out[MAPOD_P_HEAD];
     const bool tile = (ask->what & MAPOD_ASK_TILE) != 0u;
-    const uint8_t known = MAPOD_ASK_GEOM | MAPOD_ASK_POSE | MAPOD_ASK_STOP_ZONE | MAPOD_ASK_TILE;
+    const uint8_t known = MAPOD_ASK_GEOM | MAPOD_ASK_POSE | MAPOD_ASK_STOP_ZONE | MAPOD_ASK_TILE |
+                          MAPOD_ASK_OBJECTS | MAPOD_ASK_PATH;
     if (((ask->what & known) == 0u) ||
         ((ask->what & (uint32_t) ~((uint32_t)known | MAPOD_ASK_IN_WINDOW)) != 0u)) {
         return 0u;
@@ -1361,6 +1512,370 @@ MAPOD_LINK_API int32_t mapod_tile_value(const struct mapod_tile *tile, uint32_t 
     return (raw == 0xFFFFu) ? MAPOD_NOT_KNOWN : (int32_t)raw;
 }
 
+#ifdef MAPOD_LINK_OBJECTS
+
+/* ---- OBJECTS ---- */
+
+#define MAPOD_P_OBJECTS_HEAD 20u
+#define MAPOD_P_RECORD 28u /* bytes before the corners, the age with them */
+#define MAPOD_P_GONE 8u
+#define MAPOD_P_FARTHEST_MM 2100000000
+
+/* Whether the sender's frame is of the epoch in use. */
+static bool mapod_p_of_epoch(const struct mapod_link *link, uint8_t geom_id)
+{
+    return mapod_p_is(link, MAPOD_P_HAS_GEOM) && (geom_id == link->geom.geom_id);
+}
+
+static bool mapod_p_is_far(const uint8_t *at)
+{
+    const int32_t place_mm = mapod_p_i32(at);
+    return (place_mm < -MAPOD_P_FARTHEST_MM) || (place_mm > MAPOD_P_FARTHEST_MM);
+}
+
+/* Bytes of the record at the front of the `left` bytes; 0: it can't be one. */
+static uint32_t mapod_p_record(const uint8_t *at, uint32_t left)
+{
+    const uint32_t size = MAPOD_P_RECORD + (4u * (uint32_t)((left < MAPOD_P_GONE) ? 0u : at[3]));
+    if (left < MAPOD_P_GONE) {
+        return 0u;
+    }
+    if (at[2] == 0u) {
+        return (at[3] == 0u) ? MAPOD_P_GONE : 0u;
+    }
+    if ((at[3] < 3u) || (at[3] > 64u) || (size > left) || mapod_p_is_far(&at[8]) ||
+        mapod_p_is_far(&at[12]) || (mapod_p_i16(&at[16]) > mapod_p_i16(&at[18])) ||
+        (at[26] == 0u)) {
+        return 0u;
+    }
+    return size;
+}
+
+/* Where the object stands in the list; its end if it does not. */
+static uint32_t mapod_p_find(const struct mapod_objects *objects, uint32_t id)
+{
+    uint32_t k = 0u;
+    while ((k < objects->count) && (objects->items[k].id != id)) {
+        k++;
+    }
+    return k;
+}
+
+/* The last one takes its place. */
+static void mapod_p_drop(struct mapod_objects *objects, uint32_t k)
+{
+    objects->digest -= objects->items[k].digest;
+    objects->count--;
+    if (k != objects->count) {
+        objects->items[k] = objects->items[objects->count];
+    }
+}
+
+static void mapod_p_corner(struct mapod_object *object, uint32_t k, int16_t x, int16_t y)
+{
+    object->corner_x[k] = x;
+    object->corner_y[k] = y;
+}
+
+/* The corners of a record; where there is no room for them, those of their box. */
+static void mapod_p_corners(struct mapod_object *object, const uint8_t *at, uint32_t corners)
+{
+    int16_t low_x = 32767, low_y = 32767, high_x = -32767 - 1, high_y = -32767 - 1;
+    uint32_t k;
+    for (k = 0u; k < corners; k++) {
+        const int16_t x = mapod_p_i16(&at[4u * k]);
+        const int16_t y = mapod_p_i16(&at[(4u * k) + 2u]);
+        low_x = (x < low_x) ? x : low_x;
+        low_y = (y < low_y) ? y : low_y;
+        high_x = (x > high_x) ? x : high_x;
+        high_y = (y > high_y) ? y : high_y;
+        if (k < MAPOD_CORNERS_MAX) {
+            mapod_p_corner(object, k, x, y);
+        }
+    }
+    object->corners = (uint8_t)corners;
+    if (corners > MAPOD_CORNERS_MAX) {
+        mapod_p_corner(object, 0u, low_x, low_y);
+        mapod_p_corner(object, 1u, high_x, low_y);
+        mapod_p_corner(object, 2u, high_x, high_y);
+        mapod_p_corner(object, 3u, low_x, high_y);
+        object->corners = 4u;
+        object->flags = (uint8_t)(object->flags | MAPOD_OBJECT_ENLARGED);
+    }
+}
+
+/* A record that has been checked: the object is gone, or is as it says. */
+static void mapod_p_take_record(struct mapod_objects *objects, const uint8_t *at, uint32_t size,
+                                uint32_t t_ms)
+{
+    const uint32_t k = mapod_p_find(objects, mapod_p_u32(&at[4]));
+    struct mapod_object *const object = &objects->items[k];
+    const uint16_t age_ms = mapod_p_u16(at);
+    if (k < objects->count) {
+        if (at[2] == 0u) {
+            mapod_p_drop(objects, k);
+            return;
+        }
+        objects->digest -= object->digest;
+    } else {
+        if ((at[2] == 0u) || (k >= MAPOD_OBJECTS_MAX)) {
+            objects->left_out = objects->left_out || (at[2] != 0u);
+            return;
+        }
+        objects->count++;
+    }
+    object->id = mapod_p_u32(&at[4]);
+    object->digest = mapod_p_crc(0u, &at[2], size - 2u);
+    object->seen_ms = t_ms - age_ms;
+    object->forgotten = age_ms == 0xFFFFu;
+    object->kind = at[2];
+    object->x_mm = mapod_p_i32(&at[8]);
+    object->y_mm = mapod_p_i32(&at[12]);
+    object->bottom_mm = mapod_p_i16(&at[16]);
+    object->top_mm = mapod_p_i16(&at[18]);
+    object->vx_mmps = mapod_p_i16(&at[20]);
+    object->vy_mmps = mapod_p_i16(&at[22]);
+    object->confidence = at[24];
+    object->flags = at[25];
+    object->unit_mm = at[26];
+    mapod_p_corners(object, &at[MAPOD_P_RECORD], at[3]);
+    objects->digest += object->digest;
+}
+
+/* Whether a frame's records tell of the object. */
+static bool mapod_p_lists(const uint8_t *body, uint32_t size, uint32_t id)
+{
+    uint32_t at = MAPOD_P_OBJECTS_HEAD;
+    while (at < size) {
+        if ((body[at + 2u] != 0u) && (mapod_p_u32(&body[at + 4u]) == id)) {
+            return true;
+        }
+        at += mapod_p_record(&body[at], size - at);
+    }
+    return false;
+}
+
+/* Of the ids from first to last, just those in the frame are there. */
+static void mapod_p_take_range(struct mapod_objects *objects, const uint8_t *body, uint32_t size)
+{
+    const uint32_t first = mapod_p_u32(&body[12]);
+    const uint32_t last = mapod_p_u32(&body[16]);
+    uint32_t k = 0u;
+    while (k < objects->count) {
+        const uint32_t id = objects->items[k].id;
+        if ((id >= first) && (id <= last) && (!mapod_p_lists(body, size, id))) {
+            mapod_p_drop(objects, k); /* another one stands at k now */
+        } else {
+            k++;
+        }
+    }
+}
+
+/* Of another epoch: the list is empty. */
+static void mapod_p_follow(struct mapod_objects *objects, const struct mapod_link *link)
+{
+    if (objects->epochs != link->epochs) {
+        mapod_objects_init(objects);
+        objects->epochs = link->epochs;
+    }
+}
+
+MAPOD_LINK_API void mapod_objects_init(struct mapod_objects *objects)
+{
+    (void)memset(objects, 0, sizeof *objects);
+}
+
+MAPOD_LINK_API bool mapod_objects_from(struct mapod_objects *objects,
+                                       const struct mapod_link *link)
+{
+    const uint8_t *const body = &link->frame[MAPOD_P_HEAD];
+    const uint32_t size = link->used;
+    uint32_t at = MAPOD_P_OBJECTS_HEAD;
+    mapod_p_follow(objects, link);
+    if ((!mapod_p_holds(link, MAPOD_OBJECTS)) && (link->used > 0u)) {
+        return false;
+    }
+    while (at < size) {
+        const uint32_t record = mapod_p_record(&body[at], size - at);
+        at = (record == 0u) ? (size + 1u) : (at + record);
+    }
+    if (at != size) {
+        objects->agrees = false;
+        return false;
+    }
+    if (!mapod_p_of_epoch(link, body[0])) {
+        return false;
+    }
+    mapod_p_take_range(objects, body, size);
+    for (at = MAPOD_P_OBJECTS_HEAD; at < size;) {
+        const uint32_t record = mapod_p_record(&body[at], size - at);
+        mapod_p_take_record(objects, &body[at], record, link->newest_t_ms);
+        at += record;
+    }
+    objects->told = mapod_p_u16(&body[2]);
+    objects->waiting = mapod_p_u16(&body[4]);
+    objects->look_ms = mapod_p_u16(&body[6]);
+    objects->agrees = (objects->count == objects->told) &&
+                      (objects->digest == mapod_p_u32(&body[8]));
+    objects->left_out = objects->left_out && (!objects->agrees);
+    objects->t_ms = link->newest_t_ms;
+    objects->arrived_ms = link->newest_ms;
+    objects->gaps = link->gaps;
+    objects->any = true;
+    objects->late = false;
+    return true;
+}
+
+MAPOD_LINK_API enum mapod_worth mapod_objects_worth(struct mapod_objects *objects,
+                                                    const struct mapod_link *link,
+                                                    uint32_t now_ms)
+{
+    const uint32_t since_ms = now_ms - objects->arrived_ms;
+    mapod_p_follow(objects, link);
+    objects->late = objects->late || (since_ms > MAPOD_OBJECTS_STALE_MS);
+    if (!objects->any) {
+        return MAPOD_WORTH_NONE;
+    }
+    if (objects->late) {
+        return MAPOD_WORTH_LATE;
+    }
+    if (objects->gaps != link->gaps) {
+        return MAPOD_WORTH_GAP;
+    }
+    if (!objects->agrees) {
+        return objects->left_out ? MAPOD_WORTH_LEFT_OUT : MAPOD_WORTH_DIFFERS;
+    }
+    if (objects->waiting != 0u) {
+        return MAPOD_WORTH_WAITING;
+    }
+    return ((objects->look_ms + since_ms) > MAPOD_LOOK_STALE_MS) ? MAPOD_WORTH_BLIND
+                                                                 : MAPOD_WORTH_KNOWN;
+}
+
+MAPOD_LINK_API bool mapod_objects_old(struct mapod_objects *objects, uint32_t k, uint32_t now_ms)
+{
+    struct mapod_object *object;
+    if (k >= objects->count) {
+        return true;
+    }
+    object = &objects->items[k];
+    if ((((objects->t_ms - object->seen_ms) + (now_ms - objects->arrived_ms)) >
+         MAPOD_MOVING_STALE_MS) &&
+        (object->kind == MAPOD_OBJECT_MOVING)) {
+        object->forgotten = true;
+    }
+    return object->forgotten && (object->kind == MAPOD_OBJECT_MOVING);
+}
+
+/* ---- PATH ---- */
+
+#define MAPOD_P_PATH_HEAD 24u
+
+MAPOD_LINK_API void mapod_path_init(struct mapod_path *path)
+{
+    (void)memset(path, 0, sizeof *path);
+}
+
+/* Points of the piece in the body; 65 536: its numbers can't be. */
+static uint32_t mapod_p_path_points(const uint8_t *body, uint32_t size)
+{
+    const uint32_t bytes = size - MAPOD_P_PATH_HEAD;
+    const uint32_t points = bytes >> 2;
+    const uint32_t total = mapod_p_u16(&body[4]);
+    const uint32_t first = mapod_p_u16(&body[6]);
+    const uint32_t ahead = mapod_p_u16(&body[12]);
+    const bool wrong = (size < MAPOD_P_PATH_HEAD) || ((bytes & 3u) != 0u) ||
+                       (mapod_p_u16(&body[0]) == 0u) || ((first + points) > total) ||
+                       ((points == 0u) && (total != 0u)) || mapod_p_is_far(&body[16]) ||
+                       mapod_p_is_far(&body[20]) ||
+                       ((ahead != MAPOD_PATH_NOWHERE) && (ahead > total)) ||
+                       ((points != 0u) && (mapod_p_u16(&body[8]) >= mapod_p_u16(&body[10])));
+    return wrong ? 65536u : points;
+}
+
+/* Of another epoch: there is no path. */
+static void mapod_p_follow_path(struct mapod_path *path, const struct mapod_link *link)
+{
+    if (path->epochs != link->epochs) {
+        mapod_path_init(path);
+        path->epochs = link->epochs;
+    }
+}
+
+static void mapod_p_take_point(struct mapod_path *path, const uint8_t *body, uint32_t k)
+{
+    const uint8_t *const at = &body[MAPOD_P_PATH_HEAD + (4u * k)];
+    const uint32_t number = mapod_p_u16(&body[6]) + k;
+    if (number < MAPOD_PATH_MAX) {
+        struct mapod_path_point *const point = &path->points[number];
+        path->missing -= point->here ? 0u : 1u;
+        point->x_mm = mapod_p_i32(&body[16]) + mapod_p_i16(&at[0]);
+        point->y_mm = mapod_p_i32(&body[20]) + mapod_p_i16(&at[2]);
+        point->segment = mapod_p_u16(&body[8]);
+        point->kind = body[3];
+        point->here = true;
+    }
+}
+
+MAPOD_LINK_API bool mapod_path_from(struct mapod_path *path, const struct mapod_link *link)
+{
+    const uint8_t *const body = &link->frame[MAPOD_P_HEAD];
+    uint32_t points;
+    uint32_t k;
+    mapod_p_follow_path(path, link);
+    if ((!mapod_p_holds(link, MAPOD_PATH)) && (link->used > 0u)) {
+        return false;
+    }
+    points = mapod_p_path_points(body, link->used);
+    if (points > 65535u) {
+        path->damaged = true;
+        return false;
+    }
+    if (!mapod_p_of_epoch(link, body[2])) {
+        return false;
+    }
+    if ((mapod_p_u16(&body[0]) != path->number) || (mapod_p_u16(&body[4]) != path->total)) {
+        mapod_path_init(path);
+        path->epochs = link->epochs;
+        path->number = mapod_p_u16(&body[0]);
+        path->total = mapod_p_u16(&body[4]);
+        path->missing = (path->total > MAPOD_PATH_MAX) ? MAPOD_PATH_MAX : path->total;
+    }
+    for (k = 0u; k < points; k++) {
+        mapod_p_take_point(path, body, k);
+    }
+    path->segments = mapod_p_u16(&body[10]);
+    path->ahead = mapod_p_u16(&body[12]);
+    path->left_out = mapod_p_u16(&body[14]);
+    path->arrived_ms = link->newest_ms;
+    path->gaps = link->gaps;
+    path->damaged = false;
+    path->late = false;
+    return true;
+}
+
+MAPOD_LINK_API enum mapod_worth mapod_path_worth(struct mapod_path *path,
+                                                 const struct mapod_link *link, uint32_t now_ms)
+{
+    mapod_p_follow_path(path, link);
+    path->late = path->late || ((now_ms - path->arrived_ms) > MAPOD_PATH_STALE_MS);
+    if (path->number == 0u) {
+        return MAPOD_WORTH_NONE;
+    }
+    if (path->late) {
+        return MAPOD_WORTH_LATE;
+    }
+    if (path->gaps != link->gaps) {
+        return MAPOD_WORTH_GAP;
+    }
+    if ((path->missing != 0u) || path->damaged) {
+        return MAPOD_WORTH_DIFFERS;
+    }
+    return (path->total > MAPOD_PATH_MAX) ? MAPOD_WORTH_LEFT_OUT : MAPOD_WORTH_KNOWN;
+}
+
+#endif
+
 /* ======== Which frames count, and what they do, sections 2, 5 and 9 ======================== */
 
 /* Notes an accepted frame: newest number, mask of the ACK, gap. */
@@ -1374,6 +1889,9 @@ static void mapod_p_count(struct mapod_link *link, uint32_t now_ms, bool begins)
         if (back > 0u) {
             link->gap = (uint16_t)(seq - 1u);
             mapod_p_set(link, MAPOD_P_SUSPECT, true);
+#ifdef MAPOD_LINK_OBJECTS
+            link->gaps++;
+#endif
         }
         link->mask = (back > 31u) ? 0u : (((link->mask << back) << 1) | ((uint32_t)1u << back));
     }
@@ -1430,6 +1948,9 @@ static int mapod_p_adopt(struct mapod_link *link)
     }
     if (!same) {
         flags &= ~MAPOD_P_OF_GEOM;
+#ifdef MAPOD_LINK_OBJECTS
+        link->epochs++;
+#endif
     }
     link->flags = (uint16_t)flags;
     if (fits && (!same)) {
@@ -1545,6 +2066,9 @@ static int mapod_p_act(struct mapod_link *link, uint32_t now_ms, uint32_t size)
     }
     if (fresh && mapod_p_is(link, MAPOD_P_HAS_GEOM)) {
         mapod_p_clear(link);
+#ifdef MAPOD_LINK_OBJECTS
+        link->epochs++;
+#endif
     }
     mapod_p_count(link, now_ms, fresh);
     if (type == (uint32_t)MAPOD_GEOM) {
@@ -1559,6 +2083,11 @@ static int mapod_p_act(struct mapod_link *link, uint32_t now_ms, uint32_t size)
     if (type == (uint32_t)MAPOD_POSE) {
         mapod_p_take_pose(link);
     }
+#ifdef MAPOD_LINK_OBJECTS
+    if ((type == (uint32_t)MAPOD_OBJECTS) || (type == (uint32_t)MAPOD_PATH)) {
+        return (int)type;
+    }
+#endif
     /* The body of any other waits in the buffer for whoever wants it. */
     return ((type == 0u) || (type > MAPOD_P_LAST_TYPE)) ? (int)MAPOD_UNKNOWN_TYPE : (int)type;
 }

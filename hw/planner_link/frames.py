@@ -19,6 +19,7 @@ from hw.device import BadFrame, Port
 VERSION = 1
 GEOM, POSE, MAP, DIGEST, STOP_ZONE, TILE, SCAN = 1, 2, 3, 4, 5, 6, 7
 ACK, HELLO, DRIVE, ASK, EXTERNAL_POSE = 8, 9, 10, 11, 12
+OBJECTS, PATH = 13, 14
 MORE, REFRESH, AUTH = 1 << 0, 1 << 1, 1 << 4
 KNOWN_FLAGS = 0x1F  # an unknown bit of 5..7 drops the frame
 CRC_START = 0x2994717F  # CRC-32 of b"MPL1": frames of other layouts never pass

@@ -35,7 +35,7 @@ from hw.planner_link.frames import (
 NEED_GEOM, NEED_FULL, PLANNER_STOPPED = 1 << 0, 1 << 1, 1 << 4
 POLL = 1 << 0  # of a HELLO's capabilities
 ASK_GEOM, ASK_POSE, ASK_ZONE, ASK_TILE = 1 << 0, 1 << 1, 1 << 2, 1 << 3
-ASK_SCAN, IN_WINDOW = 1 << 4, 1 << 7
+ASK_SCAN, ASK_OBJECTS, ASK_PATH, IN_WINDOW = 1 << 4, 1 << 5, 1 << 6, 1 << 7
 LONGEST_VALID_MS, NO_SPEED = 1000, -(2**15)
 NO_YAW, NO_PLACE, MOST_YAW = -(2**15), -(2**31), 31416  # 0.0001 rad
 MOST_CORRELATION, OLDEST_MS = 10_000, 1000
@@ -172,8 +172,8 @@ def _hello(seq: int, t_ms: int, *fields: int) -> Hello:
 
 
 def _maybe_ask(_seq: int, _t_ms: int, *fields: int) -> Ask | None:
-    ask, wants = Ask(*fields), ASK_GEOM | ASK_POSE | ASK_ZONE | ASK_TILE | ASK_SCAN
-    return ask if ask.wants & wants and not ask.wants & ~(wants | IN_WINDOW) else None
+    ask = Ask(*fields)  # each bit means something, IN_WINDOW nothing alone
+    return ask if ask.wants & ~IN_WINDOW else None
 
 
 def _maybe_drive(seq: int, t_ms: int, *fields: int) -> Drive | None:

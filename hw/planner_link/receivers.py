@@ -15,6 +15,7 @@ from hw.device import Port
 from hw.planner_link.answers import AnswerSource
 from hw.planner_link.requests import NO_LINK, ExternalPoses, ReplayGuard, Requests
 from hw.planner_link.sender import LinkSettings, PlannerLink, Wire
+from hw.planner_link.vectors import VectorSource
 
 
 class Planners:
@@ -42,6 +43,7 @@ class Planners:
         window: ObstacleMap,
         zone: StopZoneReport | None,
         tiles: AnswerSource | None,
+        vectors: VectorSource | None = None,
     ) -> None:
         """One tick of all links; `window.changed` is what changed since the last one."""
         era, before = round(now_s * 1000) // 2**32, self._era
@@ -51,7 +53,7 @@ class Planners:
         elif before not in (-1, era):
             self._renew("the clock of the frames wraps")
         for link in self.links:
-            link.step(now_s, pose, window, zone, tiles)
+            link.step(now_s, pose, window, zone, tiles, vectors)
 
     def _renew(self, because: str) -> None:
         """A new session, for all: before the frames' clock wraps (49 days), or memory is full."""

@@ -36,6 +36,7 @@ class Repair:
         self._sent: deque[SentMap] = deque()
         self._geom_seq = 0  # first GEOM frame of this epoch, while nobody knows of its arrival
         self.in_step = True  # ACKs, if any come, tell of every MAP frame of this epoch
+        self.begun_again = False  # with the newest ACK: it knew nothing of what was told before
         self.frames_lost = 0
 
     def begin_epoch(self, seq: int) -> None:
@@ -73,7 +74,8 @@ class Repair:
         if 0 < self._geom_seq <= newest:
             self.in_step &= bool(arrived >> newest - self._geom_seq & 1)
             self._geom_seq = 0
-        if not self.in_step:
+        self.begun_again = not self.in_step
+        if self.begun_again:
             # It ignored what came before the geometry, or was silent for long: all of it again
             self.in_step = True
             self._map.publish_again()

@@ -48,6 +48,7 @@ from hw.planner_link.published import PublishedMap
 from hw.planner_link.recovery import MOST_LAG, Repair
 from hw.planner_link.requests import ExternalPoses, Requests
 from hw.planner_link.scheduler import FrameScheduler
+from hw.planner_link.vectors import Vectors, VectorSource
 
 GEOM_EVERY_S = 1.0
 DIGEST_EVERY_S = 1.0
@@ -135,6 +136,7 @@ class PlannerLink:
         self._repair = Repair(self._map, settings.first_seq - 1)
         self._publisher = MapPublisher(self._scheduler, self._map, self._repair, session % 256)
         self._answers = Answers(self._scheduler, settings.cell_mm)
+        self._vectors = Vectors(self._scheduler)
         self._state, self.counters = State(geom_due=settings.push), LinkCounters()
 
     @property
@@ -201,6 +203,7 @@ class PlannerLink:
             case Ask():
                 self._state.wanted |= answer.wants
                 self._answers.take(answer)
+                self._vectors.take(answer.wants)
             case Drive():
                 self.requests.take(now_s, answer, self.wire.drive_refusal, self._number)
             case External():
@@ -238,6 +241,10 @@ class PlannerLink:
             self._state.full_s, self._state.epoch_due = now_s, True
         elif not self._repair.take(newest, ack, self.geom_id):
             self._state.geom_due = True
+        else:
+            if self._repair.begun_again:
+                self._vectors.tell_again()
+            self._vectors.take_ack(newest, ack)
 
     def _begin_epoch(self, now_s: float) -> None:
         self._state.epoch_due = False
@@ -247,6 +254,7 @@ class PlannerLink:
         if self.peer.polled:
             self._map.put_away()
         self._publisher.begin_epoch()
+        self._vectors.begin_epoch(self.geom_id)
 
     # What is published
 
@@ -257,6 +265,7 @@ class PlannerLink:
         window: ObstacleMap,
         zone: StopZoneReport | None = None,
         tiles: AnswerSource | None = None,
+        vectors: VectorSource | None = None,
     ) -> None:
         """One tick: take answers, if not taken yet, then write what the line has room for."""
         state, peer, scheduler = self._state, self.peer, self._scheduler
@@ -274,9 +283,14 @@ class PlannerLink:
         self._publish_state(now_s, pose, zone)
         if peer.polled:
             told = None if peer.refusal else window
+            if told is not None:
+                self._vectors.publish(now_s, scheduler.budget.credit, vectors, pushes=False)
             self._answers.publish(scheduler.budget.credit, told, self.geom_id, tiles)
         elif not peer.refusal:
-            self._publish_map(now_s, dt_s, window, tiles)
+            self._publisher.publish_changes()
+            left = scheduler.budget.credit - scheduler.budget.saved
+            self._vectors.publish(now_s, left, vectors, pushes=True)
+            self._publish_rest(now_s, dt_s, window, tiles)
         state.wanted = 0
         scheduler.write(now_s)
 
@@ -310,11 +324,11 @@ class PlannerLink:
         state.called_s = now_s if calls else state.called_s
         return calls
 
-    def _publish_map(
+    def _publish_rest(
         self, now_s: float, dt_s: float, window: ObstacleMap, tiles: AnswerSource | None
     ) -> None:
+        """What was asked for, the refresh of the map, and its digest."""
         scheduler, budget = self._scheduler, self._scheduler.budget
-        self._publisher.publish_changes()
         spare = budget.credit - budget.tick_bytes
         if self._answers.waiting:
             left = budget.credit - budget.saved - budget.tick_bytes / 2

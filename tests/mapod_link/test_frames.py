@@ -25,6 +25,7 @@ from mapod_link.frames import (
     signed_bytes_from_frame,
     tag_is_right,
 )
+from mapod_link.receiver import Receiver
 from mapod_link.scans import maybe_scan_piece
 from mapod_link.serial_line import (
     Deframer,
@@ -122,6 +123,28 @@ def test_the_tiles_of_the_vectors_are_read(name: str) -> None:
     assert piece.is_last == (first + len(values) == 15)
     told = np.array([np.nan if value is NOT else value for value in values], np.float32)
     np.testing.assert_allclose(piece.values, told, rtol=1e-6)
+
+
+def test_the_objects_and_the_path_of_the_vectors_are_read() -> None:
+    receiver = Receiver(1)
+    receiver.feed_datagram(1.0, vector("geom"))
+    for name in ("objects", "objects_range", "path"):
+        assert receiver.feed_datagram(1.12, vector(name))
+        if name == "objects":
+            gap = receiver.vectors.objects_state(1.12)
+            assert gap == ("suspect", "1 objects are still to be told")
+    vectors = receiver.vectors
+    assert vectors.objects_state(1.2) == ("known", "")
+    person, table = (vectors.objects.by_id[number] for number in (258, 3))
+    assert (person.moves, person.velocity_mps, person.top_m) == (True, (0.6, -0.25), 1.74)
+    np.testing.assert_allclose(person.outline_m, [(14.2, -1.4), (14.5, -1.4), (14.35, -1.0)])
+    ages = [vectors.objects.age_s(one, 1.12) for one in (person, table)]
+    assert ages == pytest.approx([0.08, 1.5])
+    assert vectors.path_state(1.2) == ("suspect", "a piece is missing")
+    path = vectors.path
+    assert (path.number, path.ahead, path.kinds[3], path.segments[3]) == (5, 3, 1, 1)
+    np.testing.assert_allclose(path.points_m[2:5], [(12.4, -2.5), (12.9, -2.5), (12.9, -2.8)])
+    assert np.isnan(path.points_m[[0, 1, 5, 6, 7, 8]]).all()
 
 
 def test_the_sweep_of_the_vectors_is_read() -> None:

@@ -11,6 +11,7 @@ from fakes.wires.wire import MemoryPort
 from hw.planner_link.answers import AnswerSource
 from hw.planner_link.receivers import one_link
 from hw.planner_link.tiles import F32
+from hw.planner_link.vectors import VectorSource
 from mapod_link.serial_line import serial_from_frame
 
 I8 = npt.NDArray[np.int8]
@@ -136,6 +137,7 @@ class Line:
         push: bool = True,
         zone: StopZoneReport | None = None,
         tiles: AnswerSource | None = None,
+        vectors: VectorSource | None = None,
         planner: FakePlanner | None = None,
     ) -> None:
         self.sky, self.rate_hz, self.loss = sky, rate_hz, loss
@@ -144,7 +146,7 @@ class Line:
             self.port, size=sky.size, cell_mm=200, session=session, tick_s=1 / rate_hz,
             line_baud=baud, key=key, first_seq=first_seq, push=push,
         )  # fmt: skip
-        self.zone, self.tiles = zone, tiles
+        self.zone, self.tiles, self.vectors = zone, tiles, vectors
         self.planner = planner or FakePlanner(ack_every=ack_every, key=key)
         self.now_s, self.random = 100.0, random.Random(seed)
         self.tick_bytes: list[int] = []
@@ -152,7 +154,8 @@ class Line:
 
     def tick(self) -> None:
         self.now_s += 1 / self.rate_hz
-        self.link.step(self.now_s, POSE_REPORT, self.sky.window(), self.zone, self.tiles)
+        told = self.sky.window(), self.zone, self.tiles, self.vectors
+        self.link.step(self.now_s, POSE_REPORT, *told)
         pieces = self.port.take_datagrams()
         self.tick_bytes.append(sum(map(len, pieces)))
         self.frames = list(pieces)

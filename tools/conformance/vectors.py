@@ -8,8 +8,8 @@ from tools.conformance.wire import AUTH, Geom, Key, sealed
 VECTOR_GEOM = Geom(7, 101, 101, 0x5A17C0DE)
 VECTOR_ORIGIN = (196, -100)
 VECTOR_KEY = Key(bytes(range(32)), VECTOR_GEOM.session, nonce=0x11223344)
-NEWEST_T_MS = 1100  # the sender's clock at the last of them
-LAST_SEQ = 18
+NEWEST_T_MS = 1120  # the sender's clock at the last of them
+LAST_SEQ = 21
 
 VECTORS: dict[str, str] = {
     "geom": "11 00 01 00 e8 03 00 00 07 00 65 00 65 00 32 00 de c0 17 5a 14 00 96 00 f1 c9 34 1c",
@@ -78,6 +78,22 @@ VECTORS: dict[str, str] = {
     "tile_foothold": (
         "16 01 12 00 4c 04 00 00 02 01 08 00 ec 00 d8 ff 05 00 03 00 00 00 00 07 05 00 32 "
         "00 10 27 58 1d 00 00 ff ff ff ff f2 4b cb 19"
+    ),
+    "objects": (
+        "1d 01 13 00 60 04 00 00 07 00 02 00 01 00 50 00 39 79 1d 8a 01 00 00 00 00 00 00 "
+        "00 50 00 03 03 02 01 00 00 0e 38 00 00 50 fb ff ff 00 00 cc 06 58 02 06 ff cc 00 "
+        "01 00 6a ff 38 ff 96 00 38 ff 00 00 c8 00 dc 05 01 04 03 00 00 00 10 27 00 00 48 "
+        "f4 ff ff 00 00 d0 02 00 00 00 00 cc 00 01 00 70 fe d4 fe 90 01 d4 fe 90 01 2c 01 "
+        "70 fe 2c 01 00 00 00 00 02 00 00 00 d7 0e e1 7b"
+    ),
+    "objects_range": (
+        "1d 03 14 00 60 04 00 00 07 00 02 00 00 00 50 00 39 79 1d 8a 00 01 00 00 ff ff ff "
+        "ff 50 00 03 03 02 01 00 00 0e 38 00 00 50 fb ff ff 00 00 cc 06 58 02 06 ff cc 00 "
+        "01 00 6a ff 38 ff 96 00 38 ff 00 00 c8 00 0c d0 c0 b6"
+    ),
+    "path": (
+        "1e 01 15 00 60 04 00 00 05 00 07 01 09 00 02 00 01 00 02 00 03 00 00 00 70 30 00 "
+        "00 3c f6 ff ff 00 00 00 00 f4 01 00 00 f4 01 d4 fe cd f1 c8 94"
     ),
 }
 

@@ -40,6 +40,10 @@ struct receiver {
     uint32_t rejected[REASONS]; /* by minus the outcome */
     uint32_t newest_piece; /* counts pieces; they stand in a ring */
     struct piece pieces[PIECES];
+#ifdef MAPOD_LINK_OBJECTS
+    struct mapod_objects objects;
+    struct mapod_path path;
+#endif
     uint8_t cells[];
 };
 
@@ -105,6 +109,13 @@ static int note(struct receiver *self, int outcome)
     } else if (outcome == MAPOD_TILE) {
         keep_piece(self);
     }
+#ifdef MAPOD_LINK_OBJECTS
+    if (outcome == MAPOD_OBJECTS) {
+        (void)mapod_objects_from(&self->objects, &self->link);
+    } else if (outcome == MAPOD_PATH) {
+        (void)mapod_path_from(&self->path, &self->link);
+    }
+#endif
     return outcome;
 }
 
@@ -275,3 +286,83 @@ const uint32_t *receiver_rejected(const struct receiver *self)
 {
     return self->rejected;
 }
+
+#ifdef MAPOD_LINK_OBJECTS
+
+struct vectors {
+    uint32_t count, told, waiting, digest, look_ms, missing;
+    uint16_t number, total, segments, ahead, left_out;
+    uint8_t objects_worth, path_worth;
+};
+
+/* What is known of objects and path, as of now. */
+void receiver_vectors(struct receiver *self, uint32_t now_ms, struct vectors *out)
+{
+    out->objects_worth = (uint8_t)mapod_objects_worth(&self->objects, &self->link, now_ms);
+    out->path_worth = (uint8_t)mapod_path_worth(&self->path, &self->link, now_ms);
+    out->count = self->objects.count;
+    out->told = self->objects.told;
+    out->waiting = self->objects.waiting;
+    out->digest = self->objects.digest;
+    out->look_ms = self->objects.look_ms;
+    out->missing = self->path.missing;
+    out->number = self->path.number;
+    out->total = self->path.total;
+    out->segments = self->path.segments;
+    out->ahead = self->path.ahead;
+    out->left_out = self->path.left_out;
+}
+
+struct shown {
+    uint32_t id, digest, seen_ms;
+    int32_t x_mm, y_mm;
+    int16_t bottom_mm, top_mm, vx_mmps, vy_mmps;
+    int16_t corner_x[64];
+    int16_t corner_y[64];
+    uint8_t kind, confidence, flags, unit_mm, corners, old;
+};
+
+/* Item k of the list. */
+void receiver_object(struct receiver *self, uint32_t now_ms, uint32_t k, struct shown *out)
+{
+    const struct mapod_object *const object = &self->objects.items[k];
+    uint32_t i;
+    out->id = object->id;
+    out->digest = object->digest;
+    out->seen_ms = object->seen_ms;
+    out->x_mm = object->x_mm;
+    out->y_mm = object->y_mm;
+    out->bottom_mm = object->bottom_mm;
+    out->top_mm = object->top_mm;
+    out->vx_mmps = object->vx_mmps;
+    out->vy_mmps = object->vy_mmps;
+    for (i = 0; i < object->corners; i++) {
+        out->corner_x[i] = object->corner_x[i];
+        out->corner_y[i] = object->corner_y[i];
+    }
+    out->kind = object->kind;
+    out->confidence = object->confidence;
+    out->flags = object->flags;
+    out->unit_mm = object->unit_mm;
+    out->corners = object->corners;
+    out->old = mapod_objects_old(&self->objects, k, now_ms) ? 1u : 0u;
+}
+
+struct way_point {
+    int32_t x_mm, y_mm;
+    uint16_t segment;
+    uint8_t kind, here;
+};
+
+/* Point k of the path. */
+void receiver_way_point(const struct receiver *self, uint32_t k, struct way_point *out)
+{
+    const struct mapod_path_point *const point = &self->path.points[k];
+    out->x_mm = point->x_mm;
+    out->y_mm = point->y_mm;
+    out->segment = point->segment;
+    out->kind = point->kind;
+    out->here = point->here ? 1u : 0u;
+}
+
+#endif

@@ -2,17 +2,29 @@
 
 import math
 import struct
+import zlib
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.records import PoseReport, SweepPoints
+from core.records import (
+    OBJECT_MOVING,
+    OBJECT_STATIC,
+    ObjectReport,
+    PathReport,
+    PathSegment,
+    PoseReport,
+    SweepPoints,
+)
 from fakes.wires.wire import MemoryPort
 from hw.device import BadFrame
 from hw.planner_link import frames, messages
 from hw.planner_link.answers import pack_points
+from hw.planner_link.object_records import AGE, OBJECTS_HEAD, age_ms, gone_record, maybe_record
+from hw.planner_link.paths import PathPublisher
+from hw.planner_link.scheduler import FrameScheduler
 from hw.planner_link.tiles import pack_values
 from tests.support.cases import cut
 from tests.support.planner_line import ZONE
@@ -218,3 +230,33 @@ def test_a_new_connection_begins_with_a_whole_frame_and_nothing_of_the_old_one(
     port.connected = True
     port.give(frames.encode_serial(bytes(range(1, 21))))
     assert source.read() == [bytes(range(1, 21))]
+
+
+def test_records_of_objects_are_the_example_of_the_protocol() -> None:
+    triangle = np.array([(14.2, -1.4), (14.5, -1.4), (14.35, -1.0)])
+    box = np.array([(9.6, -3.3), (10.4, -3.3), (10.4, -2.7), (9.6, -2.7)])
+    person = ObjectReport(258, OBJECT_MOVING, triangle, 0.0, 1.74, (0.6, -0.25), 0.8, 1.04)
+    table = ObjectReport(3, OBJECT_STATIC, box, 0.0, 0.72, (0.0, 0.0), 0.8, -0.38)
+    ages = [AGE.pack(age_ms(1.12, seen_s)) for seen_s in (1.04, -0.38)]
+    records = [maybe_record(told, 64) or b"" for told in (person, table)]
+    told = vector("objects")[8:-4]
+    assert told[20:] == ages[0] + records[0] + ages[1] + records[1] + bytes(2) + gone_record(2)
+    digest = sum(map(zlib.crc32, records)) % 2**32
+    assert told[:20] == OBJECTS_HEAD.pack(7, 2, 1, 80, digest, 1, 0)
+
+
+def test_pieces_of_the_path_are_the_example_of_the_protocol() -> None:
+    port = MemoryPort(datagrams=True)
+    scheduler = FrameScheduler(port, None, 0.02, None, 130, 20)
+    scheduler.limit(48)  # three points
+    scheduler.earn(1.1)
+    scheduler.earn(1.12)
+    path, place = PathPublisher(scheduler), np.array((12.4, -2.5))
+    path.begin_epoch(7)
+    way = np.array([(0.0, 0.0), (0.5, 0.0), (0.5, -0.3), *[(0.0, 0.0)] * 4]) + place
+    for version in range(1, 6):
+        segments = PathSegment(False, way[:2]), PathSegment(True, way)
+        path.follow(PathReport(version, segments, 3))
+    path.publish(1.12, scheduler.budget.credit)
+    scheduler.write(1.12)
+    assert port.take_datagrams()[1] == vector("path")

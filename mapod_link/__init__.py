@@ -58,8 +58,8 @@ What a planner has to know:
   cause for which a cell is what it is, or for feet the way to the next edge and how good a foothold
   it is; what gets lost is asked for again. `Receiver.ask_scan` asks for the points of the newest
   sweep. With `poll_only` nothing is pushed, and that is all.
-- `Receiver.vectors` has the objects that the sender knows (outlines with heights) and the path, where
-  it tells of them. `objects_state` and `path_state` say whether they may be outdated;
+- `Receiver.vectors` has the objects that the sender knows (outlines with heights) and the path,
+  where it tells of them. `objects_state` and `path_state` say whether they may be outdated;
   `fresh_objects` leaves out what moved and was not seen for half a second. What is not in the list
   is not therefore free.
 - With a key of 32 bytes, frames without a valid tag are refused, and answers are signed.

@@ -71,7 +71,7 @@ PARALLEL := -n auto --maxprocesses 8 --dist loadfile
 
 c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner under the address and undefined behaviour sanitizers
 	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
-	  $(PYTEST) $(PARALLEL) $(addprefix tests/hw/mcu/test_,rules.py vectors.py restarts.py) \
+	  $(PYTEST) $(PARALLEL) $(addprefix tests/hw/mcu/test_,rules.py vectors.py restarts.py objects.py) \
 	  $(addprefix tests/fakes/planner_mcu/test_,doubts.py extremes.py rules.py views.py) \
 	  $(addprefix tests/tools/conformance/test_,conformance.py soak.py)
 

@@ -143,8 +143,9 @@ class Objects:
             if number not in listed:
                 del self.by_id[number]
         for number, told in piece.records:
-            self.by_id.pop(number, None)
-            if told is not None and len(self.by_id) < MOST_HELD:
+            if told is None:
+                self.by_id.pop(number, None)
+            elif number in self.by_id or len(self.by_id) < MOST_HELD:
                 self.by_id[number] = told
         digest = sum(one.digest for one in self.by_id.values()) % 2**32
         was_doubtful = not self._agrees and self.told is not None

@@ -71,7 +71,15 @@
  * MEMORY (32 bit). struct mapod_link 460 bytes with its frame buffer (with AUTH and 8 left
  * sessions 504), struct mapod_talk 20. Code of init, byte, datagram, cell, pose, suspect, stale and
  * ACK by gcc 12 -Os: 2.1 KB on a Cortex-M3 or M4, 2.3 KB on an M0; tables 80 bytes; STOP_ZONE and
- * TILE 0.1 KB more; all of this file 3.9 KB. Stack 192 bytes at most, 344 with AUTH.
+ * TILE 0.1 KB more; all of this file 3.9 KB. Stack 192 bytes at most, 344 with AUTH. With
+ * MAPOD_LINK_OBJECTS 1.6 KB of code more, 2.0 KB on an M0; struct mapod_objects 40 bytes and 100 for
+ * each object, of 16 corners; struct mapod_path 28 and 12 for each point.
+ *
+ * OBJECTS, PATH (MAPOD_LINK_OBJECTS): mapod_objects_init and mapod_path_init at start. Before each
+ * use mapod_objects_worth or mapod_path_worth: all but MAPOD_WORTH_KNOWN says that something may be
+ * missing, gone or elsewhere. What is not in the list is not therefore free: the map alone says
+ * that. If MAPOD_WORTH_DIFFERS lasts for 300 ms, mapod_talk_ask with MAPOD_ASK_OBJECTS or
+ * MAPOD_ASK_PATH, and again every second.
  *
  * WITH A KEY (MAPOD_LINK_AUTH): mapod_link_set_key after mapod_link_init, the same nonce as for
  * mapod_talk_init. Frames without a valid tag are then dropped, old ones and those of left runs of

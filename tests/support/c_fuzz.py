@@ -11,6 +11,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from mapod_link.frames import OBJECTS, PATH
+from tests.support.object_frames import gone_record, object_record, objects_body, path_body
 from tests.support.planner_sender import VECTORS, vector
 from tools.conformance.wire import (
     DIGEST,
@@ -57,6 +59,27 @@ def random_ops(rng: random.Random) -> bytes:
     return b"".join(pieces)
 
 
+def random_vectors(rng: random.Random) -> tuple[int, bytes]:
+    """Objects or a stretch of a path, sometimes with a byte that is wrong."""
+    places = [(rng.randrange(-9000, 9000), rng.randrange(-9000, 9000)) for _ in range(12)]
+    records = [
+        object_record(rng.randrange(9), rng.randrange(1, 5), places[: rng.randint(3, 12)])
+        for _ in range(rng.randrange(5))
+    ]
+    records.insert(0, gone_record(rng.randrange(9)))
+    ids = rng.choice([(1, 0), (0, 4), (3, 2**32 - 1)])
+    first, number = rng.randrange(30), rng.randint(1, 3)
+    kind, body = rng.choice(
+        [
+            (OBJECTS, objects_body(records, records, ids=ids)),
+            (PATH, path_body(places, number=number, first=first, total=41)),
+        ]
+    )
+    wrong = bytearray(body)
+    wrong[rng.randrange(len(body))] ^= rng.choice([0, 0, 0, 255])
+    return kind, bytes(wrong)
+
+
 def random_input(seed: int) -> bytes:
     """A conversation with valid frames of arbitrary bodies, noise and damage."""
     rng = random.Random(seed)
@@ -77,6 +100,7 @@ def random_input(seed: int) -> bytes:
                 (TILE, rng.randbytes(2) + bytes([rng.randrange(5), 0]) + rng.randbytes(30)),
                 (DIGEST, b"\7\0\0\0" + rng.randbytes(4)),
                 (STOP_ZONE, rng.randbytes(20)),
+                random_vectors(rng),
             ]
         )
         way = rng.choice([1, 1, 1, 2, 5, BROKEN | 1, NOISE | 1, LATE | 1, 0x41]) | tagged

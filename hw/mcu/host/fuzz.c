@@ -11,6 +11,10 @@
 #include <stdlib.h>
 
 #define MAPOD_LINK_AUTH
+#define MAPOD_LINK_OBJECTS
+#define MAPOD_OBJECTS_MAX 6u
+#define MAPOD_CORNERS_MAX 8u
+#define MAPOD_PATH_MAX 20u
 #define MAPOD_LINK_IMPLEMENTATION
 #include "mapod_link.h"
 
@@ -24,6 +28,8 @@ struct end {
     struct mapod_link link;
     struct mapod_talk talk;
     struct mapod_zone zone;
+    struct mapod_objects objects;
+    struct mapod_path path;
     uint8_t *cells; /* of its own, so that the sanitizer sees each byte beyond it */
     uint8_t before[CELL_BYTES];
 };
@@ -38,6 +44,30 @@ static void must_hold(bool holds, int line)
         (void)fprintf(stderr, "fuzz.c:%d does not hold\n", line);
         abort();
     }
+}
+
+/* Objects and the path: no more than there is room for, and none while nothing was told. */
+static void look_at_vectors(struct end *end, uint32_t now_ms)
+{
+    struct mapod_objects *const objects = &end->objects;
+    uint32_t digest = 0, k;
+    (void)mapod_objects_from(objects, &end->link);
+    (void)mapod_path_from(&end->path, &end->link);
+    must(objects->count <= MAPOD_OBJECTS_MAX);
+    for (k = 0; k < objects->count; k++) {
+        must(objects->items[k].corners >= 3u && objects->items[k].corners <= MAPOD_CORNERS_MAX);
+        digest += objects->items[k].digest;
+        (void)mapod_objects_old(objects, k, now_ms);
+    }
+    must(digest == objects->digest);
+    if (mapod_objects_worth(objects, &end->link, now_ms) == MAPOD_WORTH_KNOWN) {
+        must(objects->count == objects->told && mapod_link_geom(&end->link) != NULL);
+    }
+    must(objects->any || objects->count == 0u);
+    if (mapod_path_worth(&end->path, &end->link, now_ms) == MAPOD_WORTH_KNOWN) {
+        must(end->path.number != 0u && end->path.missing == 0u);
+    }
+    must(end->path.missing <= MAPOD_PATH_MAX);
 }
 
 static void look(struct end *end, uint32_t now_ms, int outcome)
@@ -59,6 +89,7 @@ static void look(struct end *end, uint32_t now_ms, int outcome)
             (void)mapod_tile_value(&tile, column);
         }
     }
+    look_at_vectors(end, now_ms);
     if (geom != NULL) {
         must((uint32_t)geom->width * geom->height <= MOST_CELLS);
         for (row = 0; row < geom->height; row++) {

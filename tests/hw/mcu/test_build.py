@@ -27,6 +27,7 @@ SETTINGS = {
     "static": ("-DMAPOD_LINK_STATIC",),
     "short frames": ("-DMAPOD_FRAME_MAX=64u",),
     "big endian": ("-DMAPOD_LINK_BIG_ENDIAN", AUTH),
+    "with objects": ("-DMAPOD_LINK_OBJECTS", AUTH),
 }
 # Section 12 of the protocol
 CODE = {"cortex-m0": 2.4 * 1024, "cortex-m3": 2.1 * 1024, "cortex-m4": 2.1 * 1024}

@@ -154,6 +154,22 @@ def test_the_planner_knows_when_nothing_comes_when_nothing_looks_and_when_more_i
     assert state(line) == ("suspect", "objects come late")
 
 
+def test_many_objects_never_push_a_slow_line_beyond_its_rate_nor_hold_back_the_map() -> None:
+    world, plain = ObjectWorld(7), Line(Sky(31, 3), baud=115_200, rate_hz=25, seed=5)
+    line = Line(Sky(31, 3), baud=115_200, rate_hz=25, seed=5, vectors=world)
+    world.plan(1, 400, 400)
+    for _ in range(250):
+        world.change(line.now_s, 6)
+        for each in (plain, line):
+            each.sky.change(3)
+            each.tick()
+            assert each.holds_what_is_meant()
+    assert line.link._repair.repaired > line.link._scheduler.seq - 300
+    rate = 115_200 / 10 * 0.85
+    assert sum(line.tick_bytes) <= rate * 250 / 25 * 1.01
+    assert sum(line.tick_bytes) > 1.5 * sum(plain.tick_bytes)
+
+
 def test_a_list_that_is_not_the_senders_is_asked_for_and_comes() -> None:
     world = ObjectWorld()
     for number in range(30):

@@ -13,7 +13,7 @@ from fakes.planner_mcu.receiver import FakePlanner
 from hw.planner_link.object_records import MOST_CORNERS, REST, maybe_record
 from hw.planner_link.objects import MOST_OBJECTS
 from mapod_link.asking import hello_body
-from mapod_link.frames import HELLO, MAP, OBJECTS, bytes_from_frame
+from mapod_link.frames import GEOM, HELLO, MAP, OBJECTS, bytes_from_frame
 from mapod_link.objects import LinkObject
 from tests.support.cases import examples
 from tests.support.object_source import ObjectWorld, object_of, round_outline
@@ -137,6 +137,37 @@ def test_a_moving_object_grows_old_by_itself_and_a_standing_one_does_not() -> No
     assert [one.id for one in vectors.fresh_objects(line.now_s)] == [1, 2]
 
 
+def test_what_begins_to_move_is_told_with_the_next_tick() -> None:
+    world = ObjectWorld()
+    line = line_of(world)
+    line.settle(0.1)
+    for kind in (OBJECT_MOVED, OBJECT_MOVING, OBJECT_STATIC, OBJECT_MOVING):
+        world.put(object_of(1, round_outline(4, 1.0, 2.0, 0.5), kind, line.now_s))
+        line.tick()
+        assert line.planner.vectors.objects.by_id[1].kind == kind
+
+
+def test_a_planner_that_missed_the_geometry_is_told_all_objects_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = ObjectWorld()
+    for number in range(30):
+        world.put(object_of(number, round_outline(20, 1.0, number, 0.5)))
+    line = line_of(world)
+    hears, missed = line.planner.feed_datagram, list[bytes]()
+
+    def feed(now_s: float, data: bytes) -> bool:
+        if data[0] & 15 == GEOM and not missed:
+            missed.append(data)
+            return False
+        return hears(now_s, data)
+
+    monkeypatch.setattr(line.planner, "feed_datagram", feed)
+    line.settle(0.2)
+    assert missed
+    assert holds_all(line, world)
+
+
 def test_the_planner_knows_when_nothing_comes_when_nothing_looks_and_when_more_is_to_come() -> None:
     world = ObjectWorld()
     line = line_of(world)
@@ -238,13 +269,14 @@ def test_more_objects_than_are_told_stay_counted_until_others_are_gone() -> None
 
 
 OUTLINES = st.builds(
-    lambda n, seed, size_m, place_m: (
+    lambda n, seed, size_m, place_m, digits: (
         np.random.default_rng(seed).normal(size=(n, 2)) * size_m + place_m
-    ),
+    ).round(digits),
     st.integers(3, 200),
     st.integers(0, 2**20),
     st.sampled_from([0.01, 1.0, 30.0, 3000.0]),
     st.sampled_from([0.0, -500.0, 2e6]),
+    st.sampled_from([3, 9]),  # also whole millimetres
 )
 
 

@@ -38,8 +38,9 @@ OF_CODE = ("co_code", "co_exceptiontable", "co_names", "co_varnames", "co_freeva
 LOAD_GLOBAL = dis.opmap["LOAD_GLOBAL"]
 VALUES = (bool, int, float, complex, str, type(None), np.generic, np.dtype)
 # no callbacks for C; a kernel goes into its callers whole: to hand over the arrays of a map, some
-# hundred words in each call, took a sixth of the time of a scan
-ASKED = {"no_cfunc_wrapper": True, "forceinline": True}
+# hundred words in each call, took a sixth of the time of a scan; divisions are the processor's,
+# without a look at the divisor
+ASKED = {"no_cfunc_wrapper": True, "forceinline": True, "error_model": "numpy"}
 ALLOCATING = set[FunctionType]()
 
 

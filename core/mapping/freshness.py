@@ -14,7 +14,7 @@ import numpy as np
 from core.grid.ring import RingGrid, cells_about
 from core.grid.window import ObstacleWindow, Shown, put_state
 from core.records import F64, FREE, UNKNOWN
-from jit import kernel
+from jit import Settled, kernel
 
 SWEEP_S = 1.0  # by so much may free ground be older than the settings say: the least age they allow
 
@@ -73,6 +73,7 @@ class Freshness:
         self.seen_s: F64 = grid.layer(np.float64, -math.inf).ravel()
         self.now_s, self._passed_s = -math.inf, math.inf
         self._row = 0
+        self._cover, self._expire = Settled(_cover), Settled(_expire)
 
     @property
     def oldest_s(self) -> float:
@@ -90,13 +91,13 @@ class Freshness:
         self._passed_s, self.now_s = t_s - self.now_s, t_s
         grid = self._grid
         window = (grid.corner_i, grid.corner_j, grid.size, grid.cell_m)
-        _cover(self.seen_s, window, (x_m, y_m, *heading), self._footprint, t_s)
+        self._cover(self.seen_s, window, (x_m, y_m, *heading), self._footprint, t_s)
 
     def expire(self, window: ObstacleWindow) -> None:
         """Tell what has become too old as unknown, in so many rows as are due."""
         size = window.grid.size
         rows = math.ceil(size * min(self._passed_s / SWEEP_S, 1.0))
-        window.used = _expire(
+        window.used = self._expire(
             self.seen_s,
             self.oldest_s,
             self._grid.size,

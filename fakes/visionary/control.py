@@ -237,9 +237,8 @@ class Host:
     """One connection to the control port: `fakes.wires` serves it."""
 
     def __init__(self, desk: Desk) -> None:
-        self._desk = desk
-        self.own = -1
-        self.begin(0.0)
+        self._desk, self._reader = desk, Reader(desk.kind.is_cola_2)
+        self.own = -1  # its session, of CoLa-B
 
     def begin(self, now_s: float) -> None:
         """A new connection."""

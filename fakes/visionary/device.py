@@ -103,13 +103,17 @@ class FakeVisionary(Faults):
         self.memory = Memory(self._kind, self)
         self.desk = Desk(self._kind, self, self.memory, self, self._new_challenges)
         self._watchers: list[Guest] = []
-        self._next_s, self.is_playing, self._booted_s = -math.inf, False, -math.inf
+        self._next_s, self._is_playing, self._booted_s = -math.inf, False, -math.inf
         self._number, self._change, self._due_s = 0, 0, -math.inf
         self._xml = b""
         self._maps_of: tuple[Lens, Maps] | None = None  # the newest picture
         self.exposed_s: deque[float] = deque(maxlen=64)  # instants of the newest pictures
         self.truth: Maps | None = None  # of the newest
         self.control, self.stream = Door(self, True), Door(self, False)
+
+    def warm(self) -> None:
+        """Compile the kernels of a picture, so that no frame is late by that."""
+        self.camera.maps(0.0, lens_of(self._kind, self.memory.halvings))
 
     def _new_challenges(self) -> Challenges:
         return Challenges(self._chance)
@@ -125,7 +129,7 @@ class FakeVisionary(Faults):
     def reboot(self, now_s: float) -> None:
         """It begins anew: numbers, sessions, what it was told; settings stay."""
         self._booted_s, self._number, self._change = now_s + BOOT_S, 0, 0
-        self.is_playing, self._xml = False, b""
+        self._is_playing, self._xml = False, b""
         self.desk.sessions.clear()
 
     def skip(self, frames: int) -> None:
@@ -135,29 +139,37 @@ class FakeVisionary(Faults):
     def is_off(self, now_s: float) -> bool:
         return self.gone or now_s < self._booted_s
 
+    @property
+    def is_playing(self) -> bool:
+        return self._is_playing
+
     def play(self, now_s: float) -> None:
-        if not self.is_playing:
+        """A host starts it."""
+        if not self._is_playing:
             self._next_s = now_s
-        self.is_playing = True
+        self._is_playing = True
 
     def halt(self) -> None:
-        self.is_playing = False
+        """A host stops it."""
+        self._is_playing = False
 
     def play_one(self, now_s: float) -> None:
-        if not self.is_playing and now_s >= self._next_s:
+        """A host asks for one frame: nothing, if that is sooner than a period after the last."""
+        if not self._is_playing and now_s >= self._next_s:
             self._next_s = now_s + self.memory.period_s
             self._show(now_s)
 
-    def advance(self, now_s: float) -> None:
-        """Expose all frames that are due by an instant."""
+    def advance(self, now_s: float) -> float:
+        """Expose all frames that are due by an instant, which it gives back."""
         self._quartz.follow(now_s, self.drift_ppm)
-        if not self.is_playing or self.is_off(now_s) or self.desk.is_occupied:
-            return
+        if not self._is_playing or self.is_off(now_s) or self.desk.is_occupied:
+            return now_s
         if now_s - self._next_s > MOST_BEHIND_S:
             self._next_s = now_s
         while self._next_s <= now_s:
             exposed_s, self._next_s = self._next_s, self._next_s + self.memory.period_s
             self._show(exposed_s)
+        return now_s
 
     def _show(self, exposed_s: float) -> None:
         number = self._number

@@ -20,9 +20,9 @@ BLACK_SHARE = 0.08  # of what others return
 MIRROR_COS = 0.97  # shiny things return light to where it came from if it falls as steeply
 MIRROR_REST = 0.01  # of their light that is dull
 BASE_SIGMA_M, LIGHT_SIGMA_M = 0.0012, 0.0005  # noise: always; times 1 / amplitude ** 0.5
-PROBES, PROBE_PX = 4, 28  # places around a pixel that shine on it, and how far away they are
+PROBES, PROBE_SHARE = 4, 0.055  # places around a pixel that shine on it; away, of a row's pixels
 BLOCK_PX = 4  # of pixels that share what they shine
-PROBE_M2 = 0.1  # of surface that each of them stands for
+PROBE_M2 = 0.3  # of surface that each of them stands for
 LEAST_GAP_M2 = 0.01
 HASH = 2654435761
 
@@ -99,13 +99,13 @@ def light_of(
 @kernel
 def second_way_m(p: int, width: int, height: int, far: F64, normals: F64, ways: F64) -> float:
     """By how much light from places around makes a pixel's range longer."""
-    v, u = p // width, p % width
+    v, u, away = p // width, p % width, 1 + int(PROBE_SHARE * width)
     x, y, z = far[p] * ways[p, 0], far[p] * ways[p, 1], far[p] * ways[p, 2]
     nx, ny, nz = normals[p, 0], normals[p, 1], normals[p, 2]
     share, extra = 0.0, 0.0
     for k in range(PROBES):
-        row = v + PROBE_PX * ((k == 0) - (k == 1))
-        column = u + PROBE_PX * ((k == 2) - (k == 3))
+        row = v + away * ((k == 0) - (k == 1))
+        column = u + away * ((k == 2) - (k == 3))
         if row < 0 or row >= height or column < 0 or column >= width:
             continue
         q = row * width + column

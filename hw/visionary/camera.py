@@ -10,6 +10,7 @@ from typing import Any
 from core.records import DepthImage
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session
 from hw.visionary.cola import ColaParser
+from hw.visionary.depth import warm
 from hw.visionary.frames import FrameMaker, Passed
 from hw.visionary.options import VisionaryOptions
 from hw.visionary.session import Known, VisionarySession, silent, warnings_of
@@ -30,6 +31,7 @@ class Visionary(Device[DepthImage]):
     """
 
     def __init__(self, port: Port, options: VisionaryOptions, open_at: OpenAt) -> None:
+        warm()
         is_cola_2 = options.control == "cola_2"
         times = FrameTimes(1000.0 * options.period_s, options.latency_s)
         frames = FrameMaker(times, options.min_confidence)

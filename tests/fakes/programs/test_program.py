@@ -233,6 +233,7 @@ def test_a_depth_camera_gives_images_to_its_driver_on_two_ports(start: Start) ->
         images += camera.step(time.monotonic())
         time.sleep(0.002)
     camera.stop()
+    camera.port.close()
     assert [image.numbers.shape for image in images[:3]] == [(144, 176)] * 3
     assert camera.identity.startswith("Visionary-T CX")
 

@@ -148,6 +148,7 @@ def test_what_moves_during_the_exposure_is_torn() -> None:
 
 @pytest.mark.parametrize("fault", ["all_invalid", "standby"])
 def test_without_light_no_pixel_is_valid(fault: str) -> None:
-    seen = maps(Panel().met, **{fault: True})
+    given: dict[str, Any] = {fault: True}
+    seen = maps(Panel().met, **given)
     assert not seen.raw.any()
     assert seen.third.all()

@@ -21,7 +21,7 @@ from fakes.visionary.picture import Camera, Maps, Sight
 from fakes.wires.timing import Outbox, Quartz
 
 CLOCK_S = 1.79e9  # what its calendar shows, seconds since 1970, when it is switched on
-MOST_BEHIND_S = 0.5  # a device that was not looked at for longer has lost its oldest frames
+MOST_BEHIND = 2  # frames: a device that was not looked at for longer has lost its oldest ones
 BOOT_S = 2.0
 
 
@@ -164,10 +164,13 @@ class FakeVisionary(Faults):
         self._quartz.follow(now_s, self.drift_ppm)
         if not self._is_playing or self.is_off(now_s) or self.desk.is_occupied:
             return now_s
-        if now_s - self._next_s > MOST_BEHIND_S:
-            self._next_s = now_s
+        period_s = self.memory.period_s
+        behind = math.floor((now_s - self._next_s) / period_s) - MOST_BEHIND
+        if behind > 0:
+            self._next_s += behind * period_s
+            self.skip(behind)
         while self._next_s <= now_s:
-            exposed_s, self._next_s = self._next_s, self._next_s + self.memory.period_s
+            exposed_s, self._next_s = self._next_s, self._next_s + period_s
             self._show(exposed_s)
         return now_s
 

@@ -19,13 +19,15 @@ after it is back; what a device has to bear, or can't become better soon, is tri
 """
 
 import socket
+from collections.abc import Callable
+from dataclasses import replace
 
 from hw.device import Port
 from hw.ports.serial import SerialPort
 from hw.ports.sockets import Address, TcpPort, UdpPort
 from hw.ports.url import PortUrl, PortUrlError, parse_url
 
-__all__ = ["PortUrlError", "open_port", "parse_url"]
+__all__ = ["PortUrlError", "open_port", "parse_url", "ports_beside"]
 
 
 def open_port(url: str) -> Port:
@@ -42,6 +44,21 @@ def open_port(url: str) -> Port:
             return TcpPort(parts, _address(url, parts))
         case "udp":
             return UdpPort(parts, _address(url, parts))
+
+
+def ports_beside(url: str) -> Callable[[int], Port]:
+    """Gives TCP ports of a URL's host by their numbers, not opened yet.
+
+    Its name is looked up now: so a device may tell a port while the loop runs.
+
+    Raises:
+        PortUrlError: no URL of TCP, or a host without address.
+    """
+    parts = parse_url(url)
+    if parts.kind != "tcp":
+        raise PortUrlError(f"{url!r}: must be tcp://host:port")
+    family, (host, _, *rest) = _address(url, parts)
+    return lambda number: TcpPort(replace(parts, port=number), (family, (host, number, *rest)))
 
 
 def _address(url: str, peer: PortUrl) -> tuple[int, Address]:

@@ -13,7 +13,7 @@ from hw.visionary.cola import ColaParser
 from hw.visionary.depth import warm
 from hw.visionary.frames import FrameMaker, Passed
 from hw.visionary.options import VisionaryOptions
-from hw.visionary.session import Known, VisionarySession, silent, warnings_of
+from hw.visionary.session import Known, State, VisionarySession, silent, warnings_of
 from hw.visionary.stream import OpenAt, Stream
 from hw.visionary.times import FrameTimes
 
@@ -51,6 +51,8 @@ class Visionary(Device[DepthImage]):
         super().step(now_s)
         self.due_s = -math.inf  # the stream is to be read at every tick
         known, status = self._known, self.status
+        if status.state == "closed":  # what comes without control is not trusted
+            known.stream.drop(status.cause)
         for fault in known.stream.step(now_s):
             status.reject(fault)
             known.complaint = fault.reason
@@ -65,7 +67,7 @@ class Visionary(Device[DepthImage]):
             return []
         known.good_s, known.complaint = now_s, ""
         self.clock_locked = known.times.locked
-        if isinstance(made, Passed) or status.session is None:
+        if isinstance(made, Passed) or status.session is not State.STREAMING:
             return []
         status.state, status.cause = "running", known.remark
         self._session_now.succeed()

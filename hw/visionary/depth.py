@@ -114,7 +114,11 @@ def _keep_good(
 def numbers_of(
     binary: memoryview, head: FrameHead, told: Description, min_confidence: int, before: U16
 ) -> tuple[U16, int, int]:
-    """The image (rows, columns), how many pixels are valid, and how many differ from `before`."""
+    """The image (rows, columns), how many pixels are valid, and how many differ from `before`.
+
+    Args:
+        before: (rows, columns) of another frame, or `no_numbers`.
+    """
     numbers: U16 = np.empty(told.height * told.width, np.uint16)
     third_at = head.maps_at + told.third_at if told.third_at >= 0 else -1
     least = -1 if told.has_states else min_confidence
@@ -122,7 +126,15 @@ def numbers_of(
     count, changed = _keep_good(
         data, head.maps_at, third_at, told.third_size, least, before.reshape(-1), numbers
     )
+    numbers.setflags(write=False)
     return numbers.reshape(told.height, told.width), int(count), int(changed)
+
+
+def no_numbers(rows: int, columns: int) -> U16:
+    """An image without a measurement, as one of another frame."""
+    numbers: U16 = np.zeros((rows, columns), np.uint16)
+    numbers.setflags(write=False)
+    return numbers
 
 
 def warm() -> None:
@@ -130,4 +142,4 @@ def warm() -> None:
     binary = memoryview(bytearray(HEAD.size + MORE.size + 4)).toreadonly()
     told = Description("", 1, 1, (1, 1), (0, 0), (0, 0), (0, 0, 0), False, 1.0, 2, 2, True, 4)
     head = FrameHead(0, 0, 0, 0, True, HEAD.size + MORE.size)
-    numbers_of(binary, head, told, 0, np.zeros((1, 1), np.uint16))
+    numbers_of(binary, head, told, 0, no_numbers(1, 1))

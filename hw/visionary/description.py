@@ -15,6 +15,7 @@ WITH_STATES = (T_MINI, "Visionary-S")  # their third map is 0 where a pixel is g
 SIZES = {"uint8": 1, "uint16": 2, "uint32": 4, "uint64": 8, "float32": 4}
 SETS = ("DataSetDepthMap", "DataSetStereo")
 STREAM = "FormatDescriptionDepthMap/DataStream"
+REFUSED = (b"<!DOCTYPE", b"<!ENTITY", b"\0")  # entities grow; nor any text but of single bytes
 MOST_SIDE = 2048  # pixels
 MATRIX = ("CameraMatrix/FX", "CameraMatrix/FY", "CameraMatrix/CX", "CameraMatrix/CY")
 DISTORTION = ("CameraDistortionParams/K1", "CameraDistortionParams/K2")
@@ -48,7 +49,7 @@ class DescriptionError(Exception):
 
 def description_of(xml: bytes) -> Description | str:
     """What it says; or why it is of no use, in words."""
-    if len(xml) > MOST_XML or b"<!" in xml:  # no entities: they grow
+    if len(xml) > MOST_XML or any(mark in xml for mark in REFUSED):
         return "a description that is too long, or has a DOCTYPE"
     try:
         record = ElementTree.fromstring(xml)

@@ -5,12 +5,10 @@ shows the same picture or has the same number as the one before, or if it comes 
 whose checksums were right once, one that is not is damage.
 """
 
-import numpy as np
-
 from core.records import U16, DepthCamera, DepthImage
 from hw.device import BadFrame
 from hw.visionary.blob import Blob
-from hw.visionary.depth import FrameHead, head_of, numbers_of
+from hw.visionary.depth import FrameHead, head_of, no_numbers, numbers_of
 from hw.visionary.description import Description, description_of
 from hw.visionary.rays import camera_of
 from hw.visionary.times import FrameTimes
@@ -36,7 +34,7 @@ class FrameMaker:
         self._xml, self._change = b"", -1
         self._told: Description | str = "no description yet"
         self._camera: DepthCamera | str = "no description yet"
-        self._before: U16 = np.zeros((0, 0), np.uint16)
+        self._before: U16 = no_numbers(0, 0)
         self._number = -1
         self._to_drop, self._has_right_checksums = FIRST_FRAMES, False
 
@@ -66,7 +64,7 @@ class FrameMaker:
         if frames < 1:
             return BadFrame(SAME_NUMBER if frames == 0 else OLDER, b"")
         if self._before.shape != (told.height, told.width):
-            self._before = np.zeros((told.height, told.width), np.uint16)
+            self._before = no_numbers(told.height, told.width)
         numbers, count, changed = numbers_of(
             blob.binary, head, told, self._min_confidence, self._before
         )

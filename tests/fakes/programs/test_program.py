@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 from core.records import DepthImage
 from fakes.programs.serving import MOST_S, Pace
-from hw.ports.wires import open_port
+from hw.ports.wires import open_port, ports_beside
 from hw.visionary.camera import Visionary
 from tests import ROOT
 from tests.support.bench_visionary import options_of
@@ -225,7 +225,7 @@ def test_a_depth_camera_gives_images_to_its_driver_on_two_ports(start: Start) ->
     camera = Visionary(
         open_port(program.url("control")),
         options_of(control="cola_b"),
-        lambda number: open_port(f"tcp://127.0.0.1:{number}"),
+        ports_beside(program.url("control")),
     )
     images: list[DepthImage] = []
     end_s = time.monotonic() + PATIENCE_S

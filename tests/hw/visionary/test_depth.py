@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from core.records import DepthCamera
 from hw.device import BadFrame
 from hw.visionary.blob import Blob, BlobParser
-from hw.visionary.depth import FrameHead, head_of, numbers_of
+from hw.visionary.depth import FrameHead, head_of, no_numbers, numbers_of
 from hw.visionary.description import Description, description_of
 from hw.visionary.rays import camera_of
 from tests.support.visionary_vectors import T_MINI, S
@@ -50,7 +50,7 @@ def told_by(xml: bytes) -> Description:
 XML = bytes(blob_of(T_MINI).xml)
 BINARY = bytes(blob_of(T_MINI).binary)
 TOLD = told_by(XML)
-NOTHING = np.zeros((3, 4), np.uint16)
+NOTHING = no_numbers(3, 4)
 
 
 def with_(pattern: str, value: str) -> bytes:

@@ -46,6 +46,8 @@ def test_each_model_gives_images_of_the_world_at_their_instants(model: Model) ->
     off = np.linalg.norm(from_lens, axis=2) - bench.fake.truth.truth_m
     assert np.nanmax(np.abs(off)) < 0.003
     assert np.isfinite(off).mean() > 0.95
+    assert not image.numbers.flags.writeable
+    assert not image.camera.rays.flags.writeable
     assert image.camera.offset_m == (-KINDS[model].away_mm / 1000, 0.0, 0.0)
 
 
@@ -150,6 +152,19 @@ def test_a_pulled_cable_is_noticed_and_it_delivers_within_a_second_of_its_coming
     assert bench.run(2.0) == []
     assert bench.told[0] == "closed"
     bench.pull(is_in=True)
+    assert bench.run(BACK_S)
+    assert bench.told == ("running", "")
+
+
+@pytest.mark.parametrize("name", ["control", "stream"])
+def test_one_of_both_ports_that_is_lost_is_noticed_and_delivers_again(name: str) -> None:
+    bench = begun()
+    port = getattr(bench, name)
+    port.connected = False
+    bench.run(0.1)
+    assert bench.run(2.0) == []
+    assert bench.told[0] == ("closed" if name == "control" else "starting")
+    port.connected = True
     assert bench.run(BACK_S)
     assert bench.told == ("running", "")
 

@@ -84,7 +84,7 @@ class Camera:
             second_ways(w, h, met.far, met.normals, ways, longer)
         raw, colour, third = (np.empty(n, np.uint16) for _ in range(3))
         sense(
-            *(met.far, after, longer, light, ways, axis, w, kind.is_planar),
+            *(met.far, after, met.solids, longer, light, ways, axis, w, kind.is_planar),
             *(kind.unit_mm / 1000.0, float(faults.noise), float(faults.flying)),
             *(float(faults.multipath), float(faults.ambiguity_m), float(faults.least_amplitude)),
             *(kind.has_states, self._chance, int(self._random.integers(CHANCES))),

@@ -136,7 +136,7 @@ def second_ways(width: int, height: int, far: F64, normals: F64, ways: F64, long
 
 @kernel
 def sense(
-    far: F64, after: F64, longer: F64, light: F64, ways: F64, axis: F64, width: int,
+    far: F64, after: F64, solids: I64, longer: F64, light: F64, ways: F64, axis: F64, width: int,
     is_planar: bool, unit_m: float, noise: float, flying: float, multipath: float,
     ambiguity_m: float, least: float, has_states: bool, chance: F32, first: int,
     raw: U16, colour: U16, third: U16,
@@ -157,8 +157,9 @@ def sense(
         range_m, seen = far[p], light[p]
         other = after[p]
         if abs(other - range_m) <= EDGE_M and p % width + 1 < width and p + width < len(far):
-            beside, below = far[p + 1], far[p + width]
-            other = beside if abs(beside - range_m) > EDGE_M else below
+            q = p + 1 if abs(far[p + 1] - range_m) > EDGE_M else p + width
+            is_one = solids[q] == solids[p] >= 0  # a floor that is seen flat has no edge
+            other = range_m if is_one else far[q]
             draw = abs(chance[(at + 2) & mask])
             if draw - math.floor(draw) >= flying:
                 other = range_m

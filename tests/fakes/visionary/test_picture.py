@@ -102,6 +102,13 @@ def test_pixels_fly_at_edges_and_nowhere_else() -> None:
     assert np.ptp(between) > 0.5
 
 
+def test_a_floor_that_is_seen_flat_has_no_edges() -> None:
+    seen = maps(Ground("floor").met, flying=1.0, least_amplitude=1e-5, ambiguity_m=99.0)
+    column_m = seen.truth_m[:, 64]
+    assert np.diff(column_m[column_m < 50.0]).min() < -0.3  # from row to row, far away
+    assert np.nanmax(np.abs(off_m(seen))) < 0.001
+
+
 def test_black_and_shiny_things_are_missing() -> None:
     panel = Panel(near_m=3.5, far_m=4.0)
     panel.material = BLACK

@@ -35,12 +35,13 @@ class FrameMaker:
         self._told: Description | str = "no description yet"
         self._camera: DepthCamera | str = "no description yet"
         self._before: U16 = no_numbers(0, 0)
-        self._number = -1
+        self._number = self._last = -1  # newest; and that before the newest start
         self._to_drop, self._has_right_checksums = FIRST_FRAMES, False
 
     def begin(self) -> None:
         """The camera was told to start: its first frames are not precise, any number may follow."""
-        self._to_drop, self._number = FIRST_FRAMES, -1
+        self._to_drop, self._last = FIRST_FRAMES, max(self._number, self._last)
+        self._number = -1
 
     def take(self, blob: Blob) -> DepthImage | Passed | BadFrame:
         """The image of a frame; or why there is none."""
@@ -62,6 +63,7 @@ class FrameMaker:
     ) -> DepthImage | Passed | BadFrame:
         frames = self._counted(head.number)
         if frames < 1:
+            self._times.lose_count()
             return BadFrame(SAME_NUMBER if frames == 0 else OLDER, b"")
         if self._before.shape != (told.height, told.width):
             self._before = no_numbers(told.height, told.width)
@@ -86,7 +88,12 @@ class FrameMaker:
         if number < 0:  # it is not told
             self._number += 1
             return 1
-        step = number - self._number if self._number >= 0 else 1
+        if self._number < 0:  # the first one after a start
+            if number < self._last:
+                self._times.restart()
+            self._last, self._number = -1, number
+            return 1
+        step = number - self._number
         if step >= 1:
             self.missed += step - 1
             self._number = number

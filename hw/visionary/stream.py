@@ -24,7 +24,7 @@ class Stream:
         self.passed_over = 0  # frames
         self._open_at, self._parser = open_at, BlobParser()
         self._maybe_port: Port | None = None
-        self._number = self._opened = 0
+        self._number = self._opened = 0  # as its port counted when it was last asked; 0: dropped
         self._is_wanted = self.is_open = False
         self._is_wanted = self.is_open = False
         self._maybe_newest: Blob | None = None
@@ -42,7 +42,7 @@ class Stream:
         if self._is_wanted and isinstance(self._maybe_port, Reopens):
             self._maybe_port.reopen(why)
         self._is_wanted = self.is_open = False
-        self._maybe_newest = None
+        self._maybe_newest, self._opened = None, 0
 
     def close(self) -> None:
         if self._maybe_port is not None:
@@ -67,6 +67,8 @@ class Stream:
         if not self.is_open:
             return []
         if port.opened != self._opened:
+            if not self._opened:
+                port.read()  # what was sent before belongs to no start of ours
             self._opened = port.opened
             self._parser.begin()
         faults, read = list[BadFrame](), 0

@@ -7,13 +7,17 @@ clock without jumps, for the filter that all devices have (hw/clock.py).
 Source: visionary sheet, section 5.
 """
 
+import math
+
 from hw.clock import DeviceClock
 from hw.device import BadFrame
 
 LATE_S = 0.25  # beyond the usual: a robot is elsewhere by then
 TICK_S, WRAP_TICKS = 1e-3, 1 << 62  # stamps are milliseconds, without an end
 UNEVEN_SHARE, UNEVEN_MS = 0.5, 20  # by which a step of the stamps may differ from its frames' time
-FITS_S = 0.1  # a first frame's lateness by a clock that is known from before
+EARLY_S = 0.1  # a first frame that comes so much sooner than it can: its clock was set meanwhile
+MOST_LATE_S = 5.0  # longer no frame is under way: its clock was set meanwhile
+FORGET_S = 10.0  # so long late frames are refused; then the clock was set, or the way is longer now
 
 
 class FrameTimes:
@@ -29,10 +33,21 @@ class FrameTimes:
         self._clock = DeviceClock(TICK_S, WRAP_TICKS)
         self._stamp_ms = self._shift_ms = 0  # the newest, as told; and what it is corrected by
         self._came_s, self._is_first = 0.0, True
+        self._late_since_s = math.inf  # frames are
 
     def begin(self, period_ms: float) -> None:
         """Frames begin anew, after a pause of unknown length."""
-        self._period_ms, self._is_first = period_ms, True
+        self._period_ms = period_ms
+        self.lose_count()
+
+    def lose_count(self) -> None:
+        """How many frames were captured before the next one is not known."""
+        self._is_first = True
+
+    def restart(self) -> None:
+        """The camera has begun anew, and its clock may have."""
+        self._clock, self._is_first = DeviceClock(TICK_S, WRAP_TICKS), True
+        self._late_since_s = math.inf
 
     @property
     def locked(self) -> bool:
@@ -53,11 +68,14 @@ class FrameTimes:
         ticks, clock = stamp_ms + self._shift_ms, self._clock
         if clock.samples:
             late_s = began_s - clock.host_s_near(ticks)
-            if self._is_first and abs(late_s) > FITS_S:
+            is_late = LATE_S < late_s < MOST_LATE_S
+            if is_late:
+                self._late_since_s = min(self._late_since_s, began_s)
+                if began_s - self._late_since_s < FORGET_S:  # nor may it tell the clock anything
+                    return BadFrame(f"a frame that comes {late_s:.2g} s late", b"")
+            if is_late or late_s >= MOST_LATE_S or (self._is_first and late_s < -EARLY_S):
                 self._clock = clock = DeviceClock(TICK_S, WRAP_TICKS)
-            elif late_s > LATE_S:  # nor may it tell the clock anything
-                return BadFrame(f"a frame that comes {late_s:.2g} s late", b"")
-        self._is_first = False
+        self._is_first, self._late_since_s = False, math.inf
         return clock.host_s(ticks, began_s) - self._latency_s
 
     def _follow(self, stamp_ms: int, frames: int, began_s: float) -> None:

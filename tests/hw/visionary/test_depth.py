@@ -129,6 +129,16 @@ def test_a_distortion_that_folds_the_image_is_refused() -> None:
     assert camera == "the camera's distortion folds its image: K1 -2.1, K2 0.25"
 
 
+def test_an_old_depth_set_tells_no_number() -> None:
+    length = (90).to_bytes(4, "little")
+    old = length + BINARY[4:12] + b"\x01\x00" + BINARY[20:-4] + length
+    head = head_of(memoryview(old), TOLD)
+    assert isinstance(head, FrameHead)
+    assert (head.number, head.maps_at) == (-1, 14)
+    numbers, count, _ = numbers_of(memoryview(old), head, TOLD, 0, NOTHING)
+    assert (count, numbers[0, 0], numbers[2, 3]) == (9, 4000, 0)
+
+
 @pytest.mark.parametrize(
     ("binary", "words"),
     [

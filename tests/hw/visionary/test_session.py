@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from fakes.visionary.models import KINDS, Model
 from hw.visionary.camera import BLIND
 from hw.visionary.frames import SAME_NUMBER, SAME_PICTURE
-from hw.visionary.session import LEAST_SILENCE_S, LOST_PERIODS, State
+from hw.visionary.session import ASKED, CONNECT_S, LEAST_SILENCE_S, LOST_PERIODS, State
+from hw.visionary.times import FORGET_S
 from tests.support.bench_visionary import Bench, points_of
 
 BACK_S = 1.0  # within which it delivers again once a wire is back
@@ -87,6 +88,64 @@ def test_the_stream_is_looked_for_where_the_camera_has_it() -> None:
     bench.fake.memory.written["BlobTcpPortAPI"] = (4711).to_bytes(2, "big")
     assert bench.run(1.0)
     assert bench.numbers == [4711]
+
+
+@pytest.mark.parametrize("model", ["t_mini", "s"])
+def test_a_camera_that_streams_by_udp_is_set_to_tcp_or_it_says_why_not(model: Model) -> None:
+    bench = Bench(model, password="wrong")
+    bench.fake.memory.written["BlobTransportProtocolAPI"] = b"\x01"
+    bench.run(1.0)
+    told = "the camera streams by UDP, mapod by TCP: the password is wrong"
+    assert bench.told == ("starting", told)
+    bench = Bench(model)
+    bench.fake.memory.written["BlobTransportProtocolAPI"] = b"\x01"
+    assert bench.run(1.0)
+    assert bench.fake.memory.written["BlobTransportProtocolAPI"] == b"\x00"
+    assert not bench.fake.desk.is_occupied
+
+
+def test_a_stream_that_does_not_open_is_told() -> None:
+    bench = Bench()
+    bench.stream.connected = False
+    bench.run(3.5)
+    told = "the camera's stream does not open: the wire in memory is cut"
+    assert bench.told == ("starting", told)
+    bench.stream.connected = True
+    assert bench.run(BACK_S + CONNECT_S)
+
+
+def test_an_answer_to_another_request_is_a_fault_of_the_stream() -> None:
+    bench = Bench()
+    bench.wires[0].alter_at = {15: 0x40}  # the first answer's number
+    bench.run(0.1)
+    assert bench.told[1].startswith("the camera answers Ox with something else")
+    assert bench.run(BACK_S)
+
+
+def test_variants_that_lack_what_is_asked_keep_their_session() -> None:
+    bench = begun()
+    for name in ASKED:
+        bench.fake.unknown = name
+        assert len(bench.run(1.0)) >= 19
+    bench.fake.unknown = "deviceState"
+    assert len(bench.run(10.0)) >= 199
+    assert bench.camera.status.losses == 0
+
+
+def test_frames_that_come_too_late_are_refused_until_that_is_long_the_usual_way() -> None:
+    bench = begun()
+    bench.run(1.0)
+    bench.fake.latency_s += 0.4
+    bench.run(0.1)
+    images, causes = 0, set()
+    for _ in range(90):
+        images += len(bench.run(0.1))
+        causes.add(bench.told[1])
+    assert any("a frame that comes 0.4 s late" in cause for cause in causes)
+    assert images == 0
+    bench.run(FORGET_S - 9.0)
+    assert bench.run(BACK_S)
+    assert bench.told == ("running", "")
 
 
 def test_the_session_is_kept_and_one_that_has_ended_is_opened_again() -> None:
@@ -173,6 +232,7 @@ def test_a_rebooted_camera_delivers_again_by_its_new_numbers() -> None:
     bench = begun()
     bench.run(3.0)
     bench.fake.reboot(bench.now_s)
+    bench.fake.clock_ahead_s = -1.5
     bench.pull(is_in=False)
     bench.run(2.1)
     bench.pull(is_in=True)

@@ -3,7 +3,7 @@
 import pytest
 
 from hw.device import BadFrame
-from hw.visionary.times import LATE_S, FrameTimes
+from hw.visionary.times import FORGET_S, LATE_S, FrameTimes
 
 PERIOD_MS, DELAY_S, LATENCY_S = 33, 0.04, 0.03
 CALENDAR_MS = 1_795_358_159_123
@@ -68,7 +68,8 @@ def test_a_camera_that_exposes_longer_is_followed() -> None:
     assert frames.times.settings == 0
 
 
-def test_after_a_pause_the_clock_is_kept_where_it_fits_and_begun_anew_where_not() -> None:
+@pytest.mark.parametrize("by_ms", [-3_600_000, 1500])
+def test_after_a_pause_the_clock_is_kept_where_it_fits_and_begun_anew_where_not(by_ms: int) -> None:
     frames = Frames()
     frames.run(60)
     frames.t_ms += 5000
@@ -76,9 +77,29 @@ def test_after_a_pause_the_clock_is_kept_where_it_fits_and_begun_anew_where_not(
     frames.run(1)
     assert frames.times.locked
     frames.t_ms += 5000
-    frames.ahead_ms -= 1500
+    frames.ahead_ms += by_ms
     frames.times.begin(float(PERIOD_MS))
     frames.run(1)
     assert not frames.times.locked
     frames.run(60)
     assert frames.times.locked
+
+
+def test_frames_that_stay_late_are_refused_for_a_time_and_then_the_usual_ones() -> None:
+    frames = Frames()
+    frames.run(60)
+    for _ in range(3):  # starting anew makes no difference
+        frames.times.begin(float(PERIOD_MS))
+        late = [frames.off_s(late_s=0.5) for _ in range(round(0.3 * FORGET_S * 1000 / PERIOD_MS))]
+        assert all(isinstance(one, BadFrame) for one in late)
+    late = [frames.off_s(late_s=0.5) for _ in range(round(0.2 * FORGET_S * 1000 / PERIOD_MS))]
+    assert late[-1] == pytest.approx(0.5, abs=1e-3)
+    assert frames.times.locked
+
+
+def test_a_camera_that_restarts_is_believed_at_once() -> None:
+    frames = Frames()
+    frames.run(60)
+    frames.ahead_ms -= 1500
+    frames.times.restart()
+    frames.run(10)

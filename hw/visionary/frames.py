@@ -29,11 +29,11 @@ class FrameMaker:
     def __init__(self, times: FrameTimes, min_confidence: int) -> None:
         self.missed = self.wrong_checksums = 0
         self.valid_share = 0.0  # of the newest frame's pixels
-        self.status, self.quality, self.model = 0, 0, ""  # that the camera tells in it
+        self.status = self.quality = 0  # that the camera tells in it
         self._times, self._min_confidence = times, min_confidence
         self._xml, self._change = b"", -1
         self._told: Description | str = "no description yet"
-        self._camera: DepthCamera | str = "no description yet"
+        self._camera: DepthCamera | str | None = None  # of that description
         self._before: U16 = no_numbers(0, 0)
         self._number = self._last = -1  # newest; and that before the newest start
         self._to_drop, self._has_right_checksums = FIRST_FRAMES, False
@@ -42,6 +42,7 @@ class FrameMaker:
         """The camera was told to start: its first frames are not precise, any number may follow."""
         self._to_drop, self._last = FIRST_FRAMES, max(self._number, self._last)
         self._number = -1
+        self._xml, self._change = b"", -1  # read it again: the newest may have been damaged
 
     def take(self, blob: Blob) -> DepthImage | Passed | BadFrame:
         """The image of a frame; or why there is none."""
@@ -56,10 +57,14 @@ class FrameMaker:
             if self._has_right_checksums:
                 return BadFrame("a frame with a wrong checksum", b"")
         self._has_right_checksums |= head.is_crc_right
-        return self._image(blob, head, told)
+        if self._camera is None:  # not sooner: of a size that is not there it would take long
+            self._camera = camera_of(told)
+        if isinstance(self._camera, str):
+            return BadFrame(self._camera, b"")
+        return self._image(blob, head, told, self._camera)
 
     def _image(
-        self, blob: Blob, head: FrameHead, told: Description
+        self, blob: Blob, head: FrameHead, told: Description, camera: DepthCamera
     ) -> DepthImage | Passed | BadFrame:
         frames = self._counted(head.number)
         if frames < 1:
@@ -80,8 +85,7 @@ class FrameMaker:
         if self._to_drop:
             self._to_drop -= 1
             return Passed()
-        assert isinstance(self._camera, DepthCamera)  # else there were no description
-        return DepthImage(exposed_s, numbers, self._camera, self._number, blob.arrived_s)
+        return DepthImage(exposed_s, numbers, camera, self._number, blob.arrived_s)
 
     def _counted(self, number: int) -> int:
         """Frames since the one before; below 1 for the same or an older one."""
@@ -102,14 +106,12 @@ class FrameMaker:
     def _described(self, blob: Blob) -> Description | str:
         """What holds for this frame; parsed where its XML has changed alone."""
         if blob.xml == self._xml and blob.change == self._change:
-            return self._camera if isinstance(self._camera, str) else self._told
+            return self._told
         xml = bytes(blob.xml)
         told = description_of(xml)
         if blob.change == self._change and told != self._told and not isinstance(self._told, str):
             return "a description that changes, and its counter does not"
         self._xml, self._change = xml, blob.change
         if told != self._told:  # else the camera stays the same object
-            self._told = told
-            self._camera = told if isinstance(told, str) else camera_of(told)
-            self.model = "" if isinstance(told, str) else told.model
-        return self._camera if isinstance(self._camera, str) else self._told
+            self._told, self._camera = told, None
+        return self._told

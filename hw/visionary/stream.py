@@ -11,6 +11,7 @@ from hw.visionary.blob import MOST_BYTES, Blob, BlobParser
 
 OpenAt = Callable[[int], Port]  # a port of the camera's, by its number
 MOST_A_STEP = 2 * MOST_BYTES
+MOST_FAULTS = 16  # in a step: what is behind them waits, for junk costs more than frames do
 
 
 class Stream:
@@ -25,7 +26,6 @@ class Stream:
         self._open_at, self._parser = open_at, BlobParser()
         self._maybe_port: Port | None = None
         self._number = self._opened = 0  # as its port counted when it was last asked; 0: dropped
-        self._is_wanted = self.is_open = False
         self._is_wanted = self.is_open = False
         self._maybe_newest: Blob | None = None
 
@@ -72,7 +72,7 @@ class Stream:
             self._opened = port.opened
             self._parser.begin()
         faults, read = list[BadFrame](), 0
-        while read < MOST_A_STEP and (pieces := port.read()):
+        while read < MOST_A_STEP and len(faults) < MOST_FAULTS and (pieces := port.read()):
             for piece in pieces:
                 read += len(piece)
                 for event in self._parser.feed(now_s, piece):

@@ -260,6 +260,8 @@ def test_a_description_that_changes_under_its_counter_is_not_believed() -> None:
     bench.run(0.1)
     assert bench.run(0.3) == []
     assert "a description that changes, and its counter does not" in bench.reasons
+    images = bench.run(BACK_S)  # it has begun anew, and read the description again
+    assert images[-1].numbers.shape == (53, 64)
 
 
 def test_damaged_frames_are_counted_and_not_given() -> None:

@@ -63,7 +63,7 @@ def gather(
             r = ranges[i, j]
             if r < least or r >= most or r == 0.0:
                 continue
-            a, b, c = r * units[i, j, 0], r * units[i, j, 1], r * units[i, j, 2]
+            a, b, c = r * units[0, i, j], r * units[1, i, j], r * units[2, i, j]
             down = r6 * a + r7 * b + r8 * c
             x, y, z = r0 * a + r1 * b + r2 * c, r3 * a + r4 * b + r5 * c, lens_m + down
             s = sigma_m(r, noise, per_m2) * down / r

@@ -20,9 +20,10 @@ from core.objects.records import Detection, Floats, FrameObjects
 from core.objects.room import Room
 from core.objects.settings import FrameSettings
 from core.objects.walls import Correction
-from core.records import F64, U8, DepthCamera, DepthImage
+from core.records import F64, DepthCamera, DepthImage
 
 Doubt = Literal["", "pose", "image", "no floor"]
+DENSE = 0.75  # of a voxel: so far apart pixels of things are kept where they are nearer
 LEAST_PIXELS = 3
 LEAST_SHARE = 0.3  # of the pixels that the smallest object would fill
 LEAST_PATCHES = 4
@@ -48,8 +49,8 @@ class FrameResult(NamedTuple):
     correction: Correction | None  # None: no known wall was seen
 
 
-class _Level(NamedTuple):
-    """A level frame below the lens."""
+class Level(NamedTuple):
+    """The level frame below a lens, in the map."""
 
     R: F64  # (3, 3) from sensor
     yaw_rad: float  # of its x axis, in the map
@@ -71,22 +72,20 @@ class FrameSteps:
         Args:
             known_walls: (n, 4) m, map frame: segments x1, y1, x2, y2; none: (0, 4).
         """
-        level = _level_of(pose, image.camera)
+        level = level_of(pose, image.camera)
         if level is None:
             return _nothing(image, (0.0, 0.0), "pose")
         origin = float(level.lens[0]), float(level.lens[1])
         rows_columns = image.numbers.shape
         if image.camera.rays.shape != (*rows_columns, 3) or min(rows_columns) < 2:
             return _nothing(image, origin, "image")
-        room = self._room_of(image.camera)
-        np.multiply(image.numbers, room.per_unit, out=room.ranges, casting="same_kind")
-        np.minimum(room.ranges, np.float32(2.0 * self._settings.max_range_m), out=room.ranges)
-        found = self._floor(room, level, pose)
+        found = self.floor_of(image, level, pose)
         if found is None:
             return _nothing(image, origin, "no floor")
         seen, plane, C = found
-        lens_m = self._classify(room, level, plane, C)
-        return self._told(room, image, level, lens_m, pose, known_walls)._replace(floor=seen)
+        lens_m = self.classify(level, plane, C)
+        told = self._told(self.room, image, level, lens_m, pose, known_walls)
+        return told._replace(floor=seen)
 
     def warm(self) -> None:
         """Run every kernel once on a made-up frame, so that none is compiled later."""
@@ -105,24 +104,33 @@ class FrameSteps:
         image = DepthImage(0.0, floor_at.astype(np.uint16), camera, 0, 0.0)
         pose = CameraPose(T, 0.03, 0.02, 0.02, 0.03, 0.02)
         steps.find(image, pose, np.array([[0.5, 5.0, 1.0, 5.0]]))
-        room = steps._room_of(camera)
+        room = steps.room
         walls.best_line(
             room.columns.x, room.columns.y, room.columns.rim, 1, 0.05, 1.0, room.bins, room.line
         )
         walls.take(room.columns.x, room.columns.y, 0, room.line, 0.05, room.columns.rim)
 
     @property
-    def kinds(self) -> U8 | None:
-        """(rows, columns) what each pixel of the last image was: `pixels.FLOOR` and so on."""
-        return None if self._room is None else self._room.kinds
+    def room(self) -> Room:
+        """The arrays of the newest image: `room.kinds` (rows, columns) has what each pixel is."""
+        assert self._room is not None, "no image yet"
+        return self._room
 
     def _room_of(self, camera: DepthCamera) -> Room:
         if self._room is None or self._room.camera is not camera:
             self._room = Room(camera, self._settings)
         return self._room
 
-    def _floor(self, room: Room, level: _Level, pose: CameraPose) -> tuple[Floor, F64, F64] | None:
-        """The floor that the image shows; then the plane of it and of the pose, with covariance."""
+    def floor_of(
+        self, image: DepthImage, level: Level, pose: CameraPose
+    ) -> tuple[Floor, F64, F64] | None:
+        """The floor that an image shows; then that of image and pose, with its covariance.
+
+        The latter is (3,) of z = a + b x + c y in the level frame. None: the floor is not known.
+        """
+        room = self._room_of(image.camera)
+        np.multiply(image.numbers, room.per_unit, out=room.ranges, casting="same_kind")
+        np.minimum(room.ranges, np.float32(2.0 * self._settings.max_range_m), out=room.ranges)
         sigmas = float(pose.sigma_height_m), float(pose.sigma_pitch_rad), float(pose.sigma_roll_rad)
         limits = self._settings.min_range_m, self._settings.max_range_m, *self._noise
         gated, lens_m = room.gated, float(level.lens[2])
@@ -148,8 +156,9 @@ class FrameSteps:
         )  # fmt: skip
         return seen, gain @ plane, prior - gain @ prior
 
-    def _classify(self, room: Room, level: _Level, plane: F64, C: F64) -> float:
-        """Sort all pixels by the plane; gives the lens's height over it."""
+    def classify(self, level: Level, plane: F64, C: F64) -> float:
+        """Sort all pixels of the newest image by a floor; gives the lens's height over it."""
+        room = self.room
         settings, (a, b, c) = self._settings, plane.tolist()
         lens_m: float = (float(level.lens[2]) - a) / math.sqrt(1.0 + b * b + c * c)
         angle = math.tan(math.radians(settings.flying_deg))
@@ -157,19 +166,19 @@ class FrameSteps:
         limits = Limits(
             settings.min_range_m, settings.max_range_m, *self._noise, settings.top_m,
             settings.floor_m, settings.pit_m, steep[0], steep[1], lens_m,
-            0.5 * settings.voxel_m / max(room.across_rad, room.down_rad, 1e-6),
+            DENSE * settings.voxel_m / max(room.across_rad, room.down_rad, 1e-6),
         )  # fmt: skip
         covariance: Six = (*C[0].tolist(), *C[1, 1:].tolist(), float(C[2, 2]))
         R = floor.level_rotation(b, c) @ level.R
         view.clear(room.fan)
         pixels.classify(
             room.units, room.ranges, Leveled(_row(R), covariance), limits, room.kinds,
-            room.points, room.fan,
+            room.points, room.fan, room.row,
         )  # fmt: skip
         return lens_m
 
     def _told(
-        self, room: Room, image: DepthImage, level: _Level, lens_m: float, pose: CameraPose,
+        self, room: Room, image: DepthImage, level: Level, lens_m: float, pose: CameraPose,
         known_walls: Floats,
     ) -> FrameResult:  # fmt: skip
         """Walls, objects and view of sorted pixels."""
@@ -202,7 +211,7 @@ class FrameSteps:
         return FrameResult(objects, "", None, correction)
 
     def _known(
-        self, room: Room, count: int, level: _Level, pose: CameraPose, known_walls: Floats,
+        self, room: Room, count: int, level: Level, pose: CameraPose, known_walls: Floats,
         noise: tuple[float, float, float],
     ) -> Correction | None:  # fmt: skip
         """Take the voxels of known walls away, and say what they tell of the pose."""
@@ -299,7 +308,7 @@ class FrameSteps:
         return self._clusters(room, (0, 1, count), found, noise)
 
 
-def _level_of(pose: CameraPose, camera: DepthCamera) -> _Level | None:
+def level_of(pose: CameraPose, camera: DepthCamera) -> Level | None:
     """The level frame below the lens; None: the pose is none."""
     T = pose.T_map_sensor
     if T.shape != (4, 4) or not np.isfinite(T).all() or not np.isfinite(pose[1:]).all():
@@ -313,7 +322,7 @@ def _level_of(pose: CameraPose, camera: DepthCamera) -> _Level | None:
     yaw_rad = math.atan2(ahead[1], ahead[0])
     flat = np.eye(3)
     flat[:2, :2] = _turn(-yaw_rad)
-    return _Level(flat @ R, yaw_rad, lens)
+    return Level(flat @ R, yaw_rad, lens)
 
 
 def _turn(yaw_rad: float) -> F64:

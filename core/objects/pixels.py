@@ -36,7 +36,7 @@ class Limits(NamedTuple):
     steep_across: float  # |dr| / r beside a flying pixel, along a row
     steep_down: float  # and along a column
     lens_m: float  # over the floor
-    dense_m: float  # range at which pixels are half a voxel apart
+    dense_m: float  # range at which pixels are as far apart as they need be
 
 
 Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -104,57 +104,84 @@ def fan_cell(x: float, y: float, fan: Fan) -> int:
     return int(at) * fan.steps + step
 
 
-@releasing_kernel
-def classify(
-    units: F32, ranges: F32, leveled: Leveled, limits: Limits, kinds: U8, points: Points, fan: Fan
+@kernel
+def _project(
+    units: F32, ranges: F32, i: int, leveled: Leveled, limits: Limits, row: F32
 ) -> None:
-    """What each pixel is, and the points of things (from the front) and pits (from the back).
+    """Directions, points, and the square of three sigmas of their heights, of a row of pixels.
 
-    Args:
-        units: (rows, columns, 3) unit vectors, sensor frame.
-        ranges: (rows, columns) m.
-        kinds: (rows, columns), written.
+    No branch in it, so that the compiler does several pixels at once.
     """
-    rows, columns = ranges.shape
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = leveled.R
     c00, c01, c02, c11, c12, c22 = leveled.floor
     c01, c02, c12 = 2.0 * c01, 2.0 * c02, 2.0 * c12
-    lens, things, pits, last = limits.lens_m, 0, 0, points.x.size - 1
-    floor2, unsure2 = limits.floor_m * limits.floor_m, limits.pit_m * limits.pit_m
+    for j in range(ranges.shape[1]):
+        a, b, c, r = units[0, i, j], units[1, i, j], units[2, i, j], ranges[i, j]
+        dx, dy = r0 * a + r1 * b + r2 * c, r3 * a + r4 * b + r5 * c
+        dz = r6 * a + r7 * b + r8 * c
+        x, y = r * dx, r * dy
+        s = (limits.noise_m + limits.noise_per_m2 * r * r) * dz
+        row[0, j], row[1, j], row[2, j], row[3, j] = dx, dy, dz, x
+        row[4, j], row[5, j] = y, limits.lens_m + r * dz
+        var = s * s + c00 + x * (c01 + c11 * x + c12 * y) + y * (c02 + c22 * y)
+        row[6, j] = 9.0 * var
+
+
+@kernel
+def _kind(i: int, j: int, z: float, var: float, ranges: F32, limits: Limits) -> int:
+    """What a pixel is, by its height and the square of three sigmas of it."""
+    r = ranges[i, j]
+    if not limits.min_range_m <= r < limits.max_range_m or r == 0.0:
+        return NOTHING
+    if z * z <= max(limits.floor_m * limits.floor_m, var):
+        return FLOOR if var <= limits.pit_m * limits.pit_m else NOTHING
+    if z > limits.top_m:
+        return HIGH
+    if z > 0.0:
+        return FLYING if _is_flying(ranges, i, j, limits) else THING
+    return PIT if z < -limits.pit_m else NOTHING
+
+
+@releasing_kernel
+def classify(
+    units: F32, ranges: F32, leveled: Leveled, limits: Limits, kinds: U8, points: Points,
+    fan: Fan, row: F32,
+) -> None:  # fmt: skip
+    """What each pixel is, and the points of things (from the front) and pits (from the back).
+
+    Args:
+        units: (3, rows, columns) unit vectors, sensor frame.
+        ranges: (rows, columns) m.
+        kinds: (rows, columns), written.
+        row: (7, columns), room.
+    """
+    rows, columns = ranges.shape
+    things, pits, last = 0, 0, points.x.size - 1
     for i in range(rows):
+        _project(units, ranges, i, leveled, limits, row)
         for j in range(columns):
-            a, b, c = units[i, j, 0], units[i, j, 1], units[i, j, 2]
-            dx, dy = r0 * a + r1 * b + r2 * c, r3 * a + r4 * b + r5 * c
-            dz = r6 * a + r7 * b + r8 * c
-            r, kind = ranges[i, j], NOTHING
-            x, y, z = r * dx, r * dy, lens + r * dz
-            if limits.min_range_m <= r < limits.max_range_m and r > 0.0:
-                s = sigma_m(r, limits.noise_m, limits.noise_per_m2) * dz
-                var = 9.0 * (s * s + c00 + x * (c01 + c11 * x + c12 * y) + y * (c02 + c22 * y))
-                if z * z <= max(floor2, var):
-                    kind = FLOOR if var <= unsure2 else NOTHING
-                elif z > limits.top_m:
-                    kind = HIGH
-                elif z > 0.0:
-                    kind = FLYING if _is_flying(ranges, i, j, limits) else THING
-                elif z < -limits.pit_m:
-                    kind = PIT
+            z = row[5, j]
+            kind = _kind(i, j, z, row[6, j], ranges, limits)
             kinds[i, j] = kind
+            if kind == FLOOR:
+                if j % FAN_COLUMNS == 0:
+                    _count(row[3, j], row[4, j], z, kind, fan)
+                continue
             if kind == THING:
-                share = _share(i, j, r, limits.dense_m)
+                share = _share(i, j, ranges[i, j], limits.dense_m)
                 if share > 0:
-                    points.x[things], points.y[things], points.z[things] = x, y, z
-                    points.pixels[things] = share
+                    points.x[things], points.y[things] = row[3, j], row[4, j]
+                    points.z[things], points.pixels[things] = z, share
                     things += 1
-            if kind != FLOOR and dz < 0.0:  # where it should have met the floor
-                s = -lens / dz
-                x, y = s * dx, s * dy
+            if row[2, j] < 0.0 and (kind == PIT or j % FAN_COLUMNS == 0):
+                s = -limits.lens_m / row[2, j]  # where it should have met the floor
+                x, y = s * row[0, j], s * row[1, j]
                 if kind == PIT:
                     here = last - pits
                     points.x[here], points.y[here], points.z[here] = x, y, 0.0
                     pits += 1
-            if j % FAN_COLUMNS == 0 and dz < 0.0:
-                _count(x, y, z, kind, fan)
+                if j % FAN_COLUMNS == 0:
+                    _count(x, y, z, kind, fan)
     points.found[0], points.found[1] = things, pits
 
 

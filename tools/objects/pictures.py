@@ -95,8 +95,7 @@ def plan(found: FrameResult, longest_m: float) -> Image.Image:
 def picture_of(frame: Frame) -> Image.Image:
     image, steps = image_of(frame), FrameSteps(frame.settings)
     found = steps.find(image, pose_of(frame), np.zeros((0, 4)))
-    kinds = steps.kinds
-    assert kinds is not None
+    kinds = steps.room.kinds
     longest_m = min(frame.settings.max_range_m, 1.1 * float(image.numbers.max()) / 1000.0)
     parts = by_range(image, longest_m), by_kind(kinds), by_object(frame, image, found, kinds)
     whole = Image.new("RGB", (SMALL[0] * 2 + PLAN + 20, PLAN), "white")

@@ -13,13 +13,13 @@ import msgspec
 import numpy as np
 
 from core.geometry import R_from_rpy
-from core.objects import floor, hulls, outlines, pixels, summits, view, voxels, walls
+from core.objects import floor, hulls, outlines, pixels, summits, view, voxels, wall_lines
 from core.objects.floor import GATE, SHARED, Floor
 from core.objects.pixels import Leveled, Limits, Nine, Six
 from core.objects.records import Detection, Floats, FrameObjects
 from core.objects.room import Room
 from core.objects.settings import FrameSettings
-from core.objects.walls import Correction
+from core.objects.wall_lines import Correction
 from core.records import F64, DepthCamera, DepthImage
 
 Doubt = Literal["", "pose", "image", "no floor"]
@@ -105,10 +105,10 @@ class FrameSteps:
         pose = CameraPose(T, 0.03, 0.02, 0.02, 0.03, 0.02)
         steps.find(image, pose, np.array([[0.5, 5.0, 1.0, 5.0]]))
         room = steps.room
-        walls.best_line(
+        wall_lines.best_line(
             room.columns.x, room.columns.y, room.columns.rim, 1, 0.05, 1.0, room.bins, room.line
         )
-        walls.take(room.columns.x, room.columns.y, 0, room.line, 0.05, room.columns.rim)
+        wall_lines.take(room.columns.x, room.columns.y, 0, room.line, 0.05, room.columns.rim)
 
     @property
     def room(self) -> Room:
@@ -220,7 +220,7 @@ class FrameSteps:
         turn = _turn(level.yaw_rad)
         ends = (np.asarray(known_walls, np.float64).reshape(-1, 2) - level.lens[:2]) @ turn
         sigmas = float(pose.sigma_xy_m), float(pose.sigma_yaw_rad)
-        offset, C, points = walls.refound(
+        offset, C, points = wall_lines.refound(
             room.voxels, count, ends.reshape(-1, 4), sigmas,
             self._settings.wall_m, noise, room.used,
         )  # fmt: skip
@@ -237,21 +237,25 @@ class FrameSteps:
         room.labels[:count] = np.where(room.used[:count] != 0, voxels.NONE, 0)
         columns = outlines.columns_of(room.voxels, count, room.labels, room.columns)
         x, y = room.columns.x, room.columns.y
-        n = walls.upright(
+        n = wall_lines.upright(
             room.voxels, count, room.columns.of, columns, settings.wall_height_m,
             room.measures.low, room.measures.high, room.mean, x, y,
         )  # fmt: skip
         taken = room.columns.rim
         taken[:n] = 0
-        while len(found) < walls.MOST_WALLS and n * settings.voxel_m > settings.wall_length_m / 2:
-            walls.best_line(
+        while (
+            len(found) < wall_lines.MOST_WALLS and n * settings.voxel_m > settings.wall_length_m / 2
+        ):
+            wall_lines.best_line(
                 x, y, taken, n, settings.wall_m, settings.wall_length_m, room.bins, room.line
             )
             if room.line[5] - room.line[4] < settings.wall_length_m:
                 break
-            found.append(walls.segment(room.line))
-            walls.take(room.voxels.x, room.voxels.y, count, room.line, settings.wall_m, room.used)
-            walls.take(x, y, n, room.line, settings.wall_m, taken)
+            found.append(wall_lines.segment(room.line))
+            wall_lines.take(
+                room.voxels.x, room.voxels.y, count, room.line, settings.wall_m, room.used
+            )
+            wall_lines.take(x, y, n, room.line, settings.wall_m, taken)
         return np.array(found).reshape(-1, 4)
 
     def _clusters(
@@ -301,7 +305,7 @@ class FrameSteps:
     def _low(self, room: Room, noise: tuple[float, float, float]) -> list[Detection]:
         """Carpets, sills and the like: patches of floor that are higher than the floor."""
         fan = room.fan
-        n = view.low_patches(fan, self._settings.low_m, noise, SHARED, room.patches)
+        n = view.low_patches(fan, self._settings.low_m, noise, room.patches)
         count = view.corners_of(room.patches, n, fan, room.points)
         room.used[:count] = 0
         found = voxels.thin(room.points, 0, 1, count, self._settings.voxel_m, room.voxels)

@@ -105,9 +105,7 @@ def fan_cell(x: float, y: float, fan: Fan) -> int:
 
 
 @kernel
-def _project(
-    units: F32, ranges: F32, i: int, leveled: Leveled, limits: Limits, row: F32
-) -> None:
+def _project(units: F32, ranges: F32, i: int, leveled: Leveled, limits: Limits, row: F32) -> None:
     """Directions, points, and the square of three sigmas of their heights, of a row of pixels.
 
     No branch in it, so that the compiler does several pixels at once.

@@ -17,7 +17,7 @@ from core.objects.pixels import FAN_COLUMNS, I32, Fan, Points
 from core.objects.settings import FrameSettings
 from core.objects.summits import LEVELS
 from core.objects.voxels import NONE, Clusters, Voxels, warp_of
-from core.objects.walls import BINS
+from core.objects.wall_lines import BINS
 from core.records import F32, F64, DepthCamera
 
 T = TypeVar("T")
@@ -42,8 +42,8 @@ class Room:
         norms = np.where(np.isfinite(norms), norms, 0.0)
         self.per_unit: F32 = norms.astype(np.float32)
         units = np.nan_to_num(camera.rays, nan=0.0, posinf=0.0, neginf=0.0)
-        units = np.moveaxis(units / np.where(norms > 0.0, norms, 1.0)[:, :, None], 2, 0)
-        self.units: F32 = np.ascontiguousarray(units, np.float32)  # (3, rows, columns)
+        planar = np.moveaxis(units / np.where(norms > 0.0, norms, 1.0)[:, :, None], 2, 0)
+        self.units: F32 = np.ascontiguousarray(planar, np.float32)  # (3, rows, columns)
         self.row: F32 = np.zeros((7, columns), np.float32)
         self.across_rad, self.down_rad = _pitch(camera.rays, 1), _pitch(camera.rays, 0)
         self.warp = warp_of(settings, max(self.across_rad, self.down_rad))

@@ -2,8 +2,8 @@
 
 A bearing is followed outwards from its first floor. It ends before a thing, before two cells in a
 row whose floor mostly failed to show, and where the rows of the image leave a gap longer than they
-must: a step of `GAP_ROWS` rows is x^2 pitch / h long. The near edge is where floor begins, for
-nobody saw what is low and nearer. Bearings without any are closed to a thread.
+must: a row is x^2 pitch / h long. The near edge is where floor begins, for nobody saw what is low
+and nearer. Bearings without any are closed to a thread, before the first thing.
 
 Source: docs/objects.md, section 8.
 """
@@ -19,20 +19,26 @@ from core.records import F32, F64
 from jit import kernel, releasing_kernel
 
 GAP_ROWS = 2.5  # rows of the image without a floor pixel that are no gap
+NOWHERE = 1e9  # m
 THREAD_M = 0.001  # width of the view where nothing is seen, so that it stays one polygon
 SHOWN = 0.5  # of the pixels that should meet a cell's floor must do so
 THING_PIXELS = 2  # so many pixels of things end a bearing
 LOW_PIXELS = 4  # so many pixels tell a patch's height
 LOW_SIGMAS = 3.0
+ALIKE = 0.6  # part of a sigma that a whole patch of floor may have in common
 
 
 @kernel
 def _reach(row: int, fan: Fan, pitch_over_h: float) -> tuple[float, float]:
-    """From where to where along x a bearing's floor is seen; 0, 0: nowhere."""
-    near, far, bad, empty = 0.0, 0.0, 0, 0.0
+    """From where to where along x a bearing's floor is seen.
+
+    Where it is not: from the first thing, or NOWHERE, to 0.
+    """
+    near, far, bad, empty, stop = 0.0, 0.0, 0, 0.0, NOWHERE
     for k in range(fan.steps):
         at = row * fan.steps + k
         if fan.things[at] >= THING_PIXELS:
+            stop = k * fan.step_m
             break
         floor, missing, x = fan.floor[at], fan.missing[at], k * fan.step_m
         if floor == 0 and missing == 0:
@@ -47,7 +53,7 @@ def _reach(row: int, fan: Fan, pitch_over_h: float) -> tuple[float, float]:
             if far == 0.0:
                 near = x + fan.step_m
             bad, empty, far = 0, 0.0, x + fan.step_m
-    return (near, far) if far > near else (0.0, 0.0)
+    return (near, far) if far > near else (stop, 0.0)
 
 
 @releasing_kernel
@@ -61,7 +67,7 @@ def add_things(voxels: Voxels, count: int, fan: Fan) -> None:
 
 @releasing_kernel
 def reaches(fan: Fan, pitch_over_h: float, near: F64, far: F64) -> None:
-    """Where each bearing is seen, along x: (bearings,) m each; 0 and 0 where it is not."""
+    """Where each bearing is seen, along x: (bearings,) m each; 0 and 0 as in `_reach`."""
     for row in range(near.size):
         near[row], far[row] = _reach(row, fan, pitch_over_h)
 
@@ -83,14 +89,11 @@ def _around(row: int, step: int, fan: Fan) -> tuple[int, float]:
 
 
 @releasing_kernel
-def low_patches(
-    fan: Fan, low_m: float, noise: tuple[float, float, float], share: float, out: F32
-) -> int:
+def low_patches(fan: Fan, low_m: float, noise: tuple[float, float, float], out: F32) -> int:
     """Cells of the fan whose floor is higher than the floor: x, y, height in `out` (n, 3).
 
     Args:
         noise: noise_m, noise_per_m2 and the lens's height.
-        share: of a sigma that neighbours have in common.
     """
     n = 0
     for row in range(fan.bearings):
@@ -106,7 +109,7 @@ def low_patches(
             y = x * ((row + 0.5) * fan.width - fan.half)
             r2 = x * x + y * y + noise[2] * noise[2]
             sigma = (noise[0] + noise[1] * r2) * noise[2] / math.sqrt(r2)
-            height = max(0.5 * low_m, LOW_SIGMAS * sigma * math.sqrt(share * share + 1.0 / count))
+            height = max(0.5 * low_m, LOW_SIGMAS * sigma * math.sqrt(ALIKE * ALIKE + 1.0 / count))
             if total >= height * count and n < out.shape[0]:
                 out[n, 0], out[n, 1], out[n, 2] = x, y, fan.height_m[at] / own
                 n += 1
@@ -139,8 +142,9 @@ def view_of(near: F64, far: F64, fan: Fan) -> Floats:
         return np.zeros((0, 2))
     first, last = int(seen[0]), int(seen[-1]) + 1
     rows = np.arange(first, last)
-    inner = np.interp(rows, seen, near[seen])
-    outer = np.where(far[first:last] > inner, far[first:last], inner)
+    between = np.minimum(np.interp(rows, seen, near[seen]), near[first:last])
+    is_seen = far[first:last] > near[first:last]
+    inner, outer = np.where(is_seen, near[first:last], between), far[first:last]
     at = np.arange(first, last + 1)
     t = at * fan.width - fan.half
     x_near = np.maximum(np.append(inner, inner[-1]), np.insert(inner, 0, inner[0]))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba.core.dispatcher import Dispatcher
 
-from core.objects import floor, hulls, outlines, pixels, summits, view, voxels, walls
+from core.objects import floor, hulls, outlines, pixels, summits, view, voxels, wall_lines
 from core.objects.frame import CameraPose, FrameResult, FrameSteps
 from core.objects.settings import FrameSettings
 from core.records import DepthCamera, DepthImage
@@ -240,6 +240,9 @@ def test_nothing_counts_as_seen_behind_what_stands_in_the_way(
     places = random.uniform(low, high, (300, 2))
     places = places[shapely.contains_xy(shapely.buffer(view, -0.05), places[:, 0], places[:, 1])]
     rays = np.column_stack([places, np.zeros(len(places))]) - at[:3, 3]
+    sensor = rays @ at[:3, :3]
+    aside = np.abs(sensor[:, 1:] / sensor[:, :1]) * FOCAL_PX
+    assert (aside <= np.array([SIZE[1], SIZE[0]]) / 2).all()  # the camera looked there at all
     blocked = met(Scene(tuple(boxes)), at[:3, 3], rays) < 0.97
     assert np.mean(blocked) <= 0.02 if len(blocked) > 0 else True
 
@@ -270,7 +273,7 @@ def test_warming_compiles_all_that_a_frame_needs() -> None:
     FrameSteps(SETTINGS).warm()
     kernels = [
         one
-        for module in (floor, hulls, outlines, pixels, summits, view, voxels, walls)
+        for module in (floor, hulls, outlines, pixels, summits, view, voxels, wall_lines)
         for one in vars(module).values()
         if isinstance(one, Dispatcher)
     ]

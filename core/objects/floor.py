@@ -212,8 +212,9 @@ class Floor(NamedTuple):
     """The floor as a frame alone tells it, beside the pose that predicted it."""
 
     height_m: float  # of the lens over it
-    pitch_rad: float  # to be added to the predicted pitch of the camera, nose down positive
-    roll_rad: float  # and to its roll, right side down positive
+    # how far the camera is turned from the prediction about the level frame's axes:
+    pitch_rad: float  # about y, nose down positive
+    roll_rad: float  # about x, right side down positive
     covariance: F64  # (3, 3) of these three
     share: float  # of the points that may be floor, those that are
     points: int  # of them, in the part of the image that was looked at

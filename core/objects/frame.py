@@ -198,7 +198,7 @@ class FrameSteps:
         for pit in self._clusters(room, (last, -1, pits), count, noise):
             found.append(pit._replace(bottom_m=deep_m, top_m=0.0))
         found += self._low(room, noise)
-        view.reaches(room.fan, room.down_rad / lens_m, room.near, room.far)
+        view.reaches(room.fan, room.down_rad / lens_m, settings.low_m, room.near, room.far)
         turn = _turn(level.yaw_rad)
         middle = level.lens[:2]
         objects = FrameObjects(

@@ -18,7 +18,8 @@ from core.objects.voxels import Voxels
 from core.records import F32, F64
 from jit import kernel, releasing_kernel
 
-GAP_ROWS = 2.5  # rows of the image without a floor pixel that are no gap
+GAP_ROWS = 2.5  # rows of the image without a floor pixel that are no gap,
+RAISED_ROWS = 1.25  # and behind floor that is raised, for that hides what is behind it
 NOWHERE = 1e9  # m
 THREAD_M = 0.001  # width of the view where nothing is seen, so that it stays one polygon
 SHOWN = 0.5  # of the pixels that should meet a cell's floor must do so
@@ -29,12 +30,12 @@ ALIKE = 0.6  # part of a sigma that a whole patch of floor may have in common
 
 
 @kernel
-def _reach(row: int, fan: Fan, pitch_over_h: float) -> tuple[float, float]:
+def _reach(row: int, fan: Fan, pitch_over_h: float, low_m: float) -> tuple[float, float]:
     """From where to where along x a bearing's floor is seen.
 
     Where it is not: from the first thing, or NOWHERE, to 0.
     """
-    near, far, bad, empty, stop = 0.0, 0.0, 0, 0.0, NOWHERE
+    near, far, bad, empty, stop, rows = 0.0, 0.0, 0, 0.0, NOWHERE, GAP_ROWS
     for k in range(fan.steps):
         at = row * fan.steps + k
         if fan.things[at] >= THING_PIXELS:
@@ -43,7 +44,7 @@ def _reach(row: int, fan: Fan, pitch_over_h: float) -> tuple[float, float]:
         floor, missing, x = fan.floor[at], fan.missing[at], k * fan.step_m
         if floor == 0 and missing == 0:
             empty += fan.step_m
-            if far > 0.0 and empty > max(fan.step_m, GAP_ROWS * x * x * pitch_over_h):
+            if far > 0.0 and empty > max(fan.step_m, rows * x * x * pitch_over_h):
                 break
         elif floor < SHOWN * (floor + missing):
             bad += 1
@@ -53,6 +54,7 @@ def _reach(row: int, fan: Fan, pitch_over_h: float) -> tuple[float, float]:
             if far == 0.0:
                 near = x + fan.step_m
             bad, empty, far = 0, 0.0, x + fan.step_m
+            rows = RAISED_ROWS if fan.height_m[at] >= low_m * floor else GAP_ROWS
     return (near, far) if far > near else (stop, 0.0)
 
 
@@ -66,10 +68,10 @@ def add_things(voxels: Voxels, count: int, fan: Fan) -> None:
 
 
 @releasing_kernel
-def reaches(fan: Fan, pitch_over_h: float, near: F64, far: F64) -> None:
+def reaches(fan: Fan, pitch_over_h: float, low_m: float, near: F64, far: F64) -> None:
     """Where each bearing is seen, along x: (bearings,) m each; 0 and 0 as in `_reach`."""
     for row in range(near.size):
-        near[row], far[row] = _reach(row, fan, pitch_over_h)
+        near[row], far[row] = _reach(row, fan, pitch_over_h, low_m)
 
 
 @kernel

@@ -96,7 +96,7 @@ def our_steps(steps: FrameSteps, image: DepthImage, pose: CameraPose) -> list[St
         return hulls.polygons_of(room.rings, found, edge_m, KINECT.hull_m)
 
     def seen() -> F64:
-        view.reaches(room.fan, room.down_rad / lens_m, room.near, room.far)
+        view.reaches(room.fan, room.down_rad / lens_m, KINECT.low_m, room.near, room.far)
         return view.view_of(room.near, room.far, room.fan)
 
     return [

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numba.core.dispatcher import Dispatcher
 
@@ -241,6 +241,7 @@ BOXES = st.lists(
 )  # fmt: skip
 
 
+@example([Box(3.75, 0.0, 0.125, 1.0, 0.0, 0.03125)], 5.0, 0.375, 0)  # hides more than it shows
 @given(boxes=BOXES, pitch=st.floats(5.0, 45.0), height=st.floats(0.3, 1.0), seed=st.integers(0, 99))
 def test_nothing_counts_as_seen_behind_what_stands_in_the_way(
     boxes: list[Box], pitch: float, height: float, seed: int

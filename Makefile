@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -111,11 +111,12 @@ flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: d
 	@test -n "$(HOST)" || { echo "mapod: which robot? make flash HOST=user@robot"; exit 1; }
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 
-bench: setup ## what the process uses, beside the figures kept last; what a scan and the planner link cost [KEEP=1 keeps them]
+bench: setup $(VENV)/.ready-test ## what the process uses, beside the figures kept last; what a scan, the planner link and a depth frame cost [KEEP=1 keeps them]
 	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.mapping
 	@$(BIN)/python -m tools.bench.link
+	@$(BIN)/python -m tools.bench.objects
 
 conformance: setup ## the conformance tests of the planner link, in process, against both receivers (C and Python)
 	@$(BIN)/python -m tools.conformance
@@ -129,6 +130,9 @@ pictures: setup $(VENV)/.ready-view $(VENV)/.ready-test ## the documents' pictur
 placement: setup ## docs/terrain.md's picture: what mounts of a downward-looking sensor see of rough ground
 	@$(BIN)/python -m mapod placement --fields 200 --picture docs/pictures/placement.png
 	@$(call DRAWN,placement.png,placement,tools/placement/*.py)
+
+objects: setup $(VENV)/.ready-test ## docs/objects.md's pictures: what the steps make of real frames of a depth camera
+	@$(BIN)/python -m tools.objects.pictures
 
 sensitivity: setup ## docs/method.md's picture: each constant halved and doubled; hours, goes on where it stopped
 	@$(BIN)/python -m tools.experiments.sensitivity --only 7 --kept sensitivity.json \

@@ -1,0 +1,152 @@
+"""The map of objects against the truth of a simulated world."""
+
+import math
+
+import numpy as np
+import pytest
+
+from core.objects.object_map import MapUpdate, ObjectMap
+from core.objects.records import Detection, FrameObjects
+from tests.core.objects.world import (
+    SETTINGS,
+    Noise,
+    World,
+    apart_m,
+    box,
+    corner_errors,
+    overlap,
+    person,
+)
+
+NOISE = Noise(pose_m=0.01, pose_rad=0.005, hull_m=0.005, missing=0.02)
+SEEN_S = 30  # frames: three seconds
+
+
+def watch(world: World, objects: ObjectMap, frames: int, yaw: float = 0.0) -> list[MapUpdate]:
+    """Frames from one place: the origin, looking along x unless told otherwise."""
+    updates = []
+    for _ in range(frames):
+        updates.append(objects.update(world.frame(0.0, 0.0, yaw)))
+        world.walk()
+    return updates
+
+
+def outlines(objects: ObjectMap) -> list[np.ndarray]:
+    return [one.polygon for one in objects.objects()]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_box_seen_500_times_neither_grows_nor_wanders(seed: int) -> None:
+    """Its top is seen, so that each hull is the whole box; its far sides are hidden."""
+    random, thing = np.random.default_rng(seed), box(2.0, 0.0, 0.6, 0.4, 0.3)
+    objects, view = ObjectMap(SETTINGS), World([thing]).frame(0.0, 0.0, 0.0).view
+    for k in range(500):
+        by = random.normal(0.0, 0.03, 2)
+        hull = thing.outline + by + random.normal(0.0, 0.005, thing.outline.shape)
+        seen = Detection(hull, 0.0, 0.4, 500)
+        place = float(by[0]), float(by[1])
+        objects.update(FrameObjects(0.1 * k, place, view + by, (seen,), np.zeros((0, 4))))
+    [found] = objects.objects()
+    growth = np.ptp(found.polygon, axis=0) - np.ptp(thing.outline, axis=0)
+    assert np.abs(growth).max() < 0.03
+    assert corner_errors(thing.outline, found.polygon).max() < 0.03
+    assert found.id == 1
+
+
+def test_an_object_is_in_the_map_after_n_frames_and_told_as_an_obstacle_before() -> None:
+    world, objects = World([box(2.0, 0.3, 0.4, 0.4)]), ObjectMap(SETTINGS)
+    updates = watch(world, objects, SETTINGS.confirm_frames - 1)
+    assert outlines(objects) == []
+    assert [len(update.obstacles) for update in updates] == [1] * len(updates)
+    [last] = watch(world, objects, 1)
+    assert len(outlines(objects)) == 1
+    assert last.obstacles == ()
+
+
+def test_what_is_taken_away_is_gone_after_m_frames_and_not_before() -> None:
+    world, objects = World([box(2.0, 0.3, 0.4, 0.4)], noise=NOISE), ObjectMap(SETTINGS)
+    watch(world, objects, 60)
+    world.things.clear()
+    watch(world, objects, SETTINGS.gone_frames // 2)
+    assert len(outlines(objects)) == 1
+    watch(world, objects, SEEN_S - SETTINGS.gone_frames // 2)
+    assert outlines(objects) == []
+
+
+def test_what_is_hidden_or_out_of_view_stays() -> None:
+    hidden = box(3.0, 0.0, 0.4, 0.4)
+    world, objects = World([hidden, box(2.0, 1.0, 0.3, 0.3)], noise=NOISE), ObjectMap(SETTINGS)
+    watch(world, objects, 60)
+    before = [one.id for one in objects.objects()]
+    world.things = [box(1.0, 0.0, 0.1, 1.6)]  # a screen, and both are gone behind it
+    watch(world, objects, 100)
+    assert set(before) <= {one.id for one in objects.objects()}
+    world.things = []
+    watch(world, objects, 100, yaw=math.pi)
+    assert set(before) <= {one.id for one in objects.objects()}
+
+
+@pytest.mark.parametrize("by", [0.08, 0.15, 0.3, 1.0])
+def test_what_is_moved_is_one_object_of_the_same_size_at_its_new_place(by: float) -> None:
+    world = World([box(2.0, -0.6, 0.4, 0.4), box(2.2, 0.7, 0.3, 0.3)], noise=NOISE)
+    objects = ObjectMap(SETTINGS)
+    watch(world, objects, 60)
+    size = np.ptp(objects.objects()[0].polygon, axis=0)
+    world.things[0] = box(2.0, -0.6 + by * 0.8, 0.4, 0.4)
+    watch(world, objects, SEEN_S)
+    found = objects.objects()
+    assert len(found) == 2
+    front = world.things[0].outline[[0, 3]]  # the side that this place shows
+    nearest = min(found, key=lambda one: float(corner_errors(front, one.polygon).max()))
+    assert corner_errors(front, nearest.polygon).max() < 0.05
+    assert np.ptp(nearest.polygon, axis=0)[1] < size[1] + 0.08  # in its new shadow, some stays
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_people_are_never_in_the_map_and_always_told(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    things = [box(2.5, -1.0, 0.4, 0.4), box(3.0, 1.0, 0.8, 0.4)]
+    people = [
+        person(1.5, -1.5, 0.0, random.uniform(0.3, 1.5)),
+        person(4.5, 0.2, -random.uniform(0.2, 0.8), random.uniform(-0.1, 0.1)),
+        person(1.2, 0.1),
+    ]
+    world, objects = World([*things, *people], noise=NOISE, seed=seed), ObjectMap(SETTINGS)
+    for _ in range(60):
+        update = objects.update(world.frame(0.0, 0.0, 0.0))
+        for k, human in enumerate(world.things):
+            if human.is_person and (world.hits == k).sum() >= 20:
+                told = [apart_m(human.outline, one.polygon) for one in update.obstacles]
+                assert min(told, default=1.0) < 0.1
+        world.walk()
+    humans = [thing.outline for thing in world.things if thing.is_person]
+    assert all(overlap(a, b) < 0.02 for a in outlines(objects) for b in humans)
+    assert len(outlines(objects)) == 2
+
+
+def test_a_walkers_velocity_is_told_once_it_is_known() -> None:
+    world, objects = World([person(3.0, -1.5, 0.1, 0.9)], noise=NOISE), ObjectMap(SETTINGS)
+    first, *_, last = watch(world, objects, 15)
+    assert first.obstacles[0].velocity_mps is None
+    [walker] = last.obstacles
+    assert walker.is_moving
+    assert walker.id == first.obstacles[0].id
+    assert walker.velocity_mps == pytest.approx((0.1, 0.9), abs=0.3)
+
+
+def test_a_door_in_a_wall_opens_and_closes() -> None:
+    shut = np.array([[3.0, -2.0, 3.0, 2.0]])
+    open_ = np.array([[3.0, -2.0, 3.0, -0.5], [3.0, 0.5, 3.0, 2.0]])
+    world, objects = World([], shut, NOISE), ObjectMap(SETTINGS)
+    watch(world, objects, 30)
+    [wall] = objects.walls.records()
+    assert len(wall.segments) == 1
+    world.walls = open_
+    watch(world, objects, SEEN_S)
+    [wall] = objects.walls.records()
+    assert len(wall.segments) == 2
+    assert np.sort(wall.openings[:, [1, 3]].ravel()) == pytest.approx([-0.5, 0.5], abs=0.08)
+    world.walls = shut
+    watch(world, objects, SEEN_S)
+    [wall] = objects.walls.records()
+    assert (len(wall.segments), len(wall.openings)) == (1, 0)

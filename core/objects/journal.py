@@ -62,7 +62,8 @@ class Changes(Struct, frozen=True, eq=False):
 class Journal:
     """The told state of every thing, in the order of its last change."""
 
-    def __init__(self) -> None:
+    def __init__(self, kept_deletions: int = KEPT_DELETIONS) -> None:
+        self._kept_deletions = kept_deletions
         self.version, self.digest = 0, 0
         self._told: OrderedDict[int, tuple[int, Shape]] = OrderedDict()
         self._deleted: OrderedDict[int, int] = OrderedDict()  # id: version
@@ -85,7 +86,7 @@ class Journal:
             return
         self.version += 1
         self._deleted[number] = self.version
-        if len(self._deleted) > KEPT_DELETIONS:
+        if len(self._deleted) > self._kept_deletions:
             _, self._forgotten = self._deleted.popitem(last=False)
 
     def since(self, version: int) -> Changes:

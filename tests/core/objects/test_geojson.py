@@ -20,7 +20,7 @@ from core.objects.geojson import (
     map_from_geojson,
 )
 from core.objects.object_map import ObjectMap
-from tests.core.objects.world import SETTINGS, Noise, World, box, overlap
+from tools.experiments.object_world import SETTINGS, Noise, World, box, overlap
 
 WALL = np.array([[3.0, -2.0, 3.0, 2.0]])
 RING: list[list[float]] = [[0, 0], [1, 0], [1, 1], [0, 1], [0, 0]]

@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, rule
 
 from core.objects.journal import Shape
 from core.objects.object_map import MapUpdate, ObjectMap
-from tests.core.objects.world import SETTINGS, Noise, Thing, World, apart_m, box, person
+from tools.experiments.object_world import SETTINGS, Noise, Thing, World, apart_m, box, person
 
 PLACES = st.tuples(st.integers(-2, 2), st.integers(2, 6))
 TOLD_M = 0.15  # so near a thing its polygon or an obstacle is

@@ -7,7 +7,7 @@ import pytest
 
 from core.objects.object_map import MapUpdate, ObjectMap
 from core.objects.records import Detection, FrameObjects
-from tests.core.objects.world import (
+from tools.experiments.object_world import (
     SETTINGS,
     Noise,
     World,

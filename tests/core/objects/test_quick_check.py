@@ -9,7 +9,7 @@ from core.objects.map_settings import QuickCheckSettings
 from core.objects.object_map import ObjectMap
 from core.objects.quick_check import expected_ranges, quick_check
 from core.objects.records import Floats
-from tests.core.objects.world import SETTINGS, World, box
+from tools.experiments.object_world import SETTINGS, World, box
 
 LOOK = QuickCheckSettings(
     rays=100, max_range_m=4.5, tolerance_m=0.08, most_unknown=0.5, every_frames=10

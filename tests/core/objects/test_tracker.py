@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from core.objects.tracker import Kalman, Tracker, assignment
-from tests.core.objects.world import SETTINGS
+from tools.experiments.object_world import SETTINGS
 
 SIZES = st.tuples(st.integers(1, 5), st.integers(1, 5))
 

@@ -1,7 +1,7 @@
-"""A flat world with truth, and a depth camera in it that turns and drives: frames as the map gets.
+"""A flat world with truth and a depth camera in it: frames as the map of objects gets them.
 
-Rays meet boxes, walls and people; what a hull has is what rays met. The pose of a frame is wrong by
-a rigid motion of its own, hulls by noise at each corner. Nothing of the map's code is in it.
+Rays meet boxes, walls and people; a hull has what rays met. The pose of a frame is wrong by a rigid
+motion of its own, hulls by noise at each corner. Nothing of the map's code is in it.
 """
 
 import math
@@ -15,6 +15,7 @@ from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Detection, Floats, FrameObjects
 
 FRAME_S = 0.1
+CORNER_M = 0.03  # a ray that ends so near a corner has seen it
 SETTINGS = ObjectMapSettings(
     cell_m=0.02,
     band_m=0.08,
@@ -93,6 +94,7 @@ class World:
     def __post_init__(self) -> None:
         self.random = np.random.default_rng(self.seed)
         self.hits = np.zeros(0, dtype=np.int64)
+        self.corner_frames = [np.zeros(len(thing.outline), np.int64) for thing in self.things]
 
     def walk(self, dt_s: float = FRAME_S) -> None:
         """Let time pass, and all that moves go on."""
@@ -105,8 +107,9 @@ class World:
         eye = np.array([x, y])
         bearings = yaw + self.fov_rad * (np.arange(self.rays) / (self.rays - 1) - 0.5)
         ranges, whose = self.cast(eye, bearings)
-        self.hits = whose
         ends = eye + ranges[:, None] * np.column_stack([np.cos(bearings), np.sin(bearings)])
+        self.hits = whose
+        self._note_corners(ends, whose)
         found = [
             Detection(self._rough(hull), 0.0, self.things[k].top_m, count)
             for k, hull, count in self._hulls(ends, whose)
@@ -141,6 +144,14 @@ class World:
         ranges = t[np.arange(len(t)), nearest]
         met = np.where(ranges <= self.range_m, np.array(whose)[nearest], -1)
         return np.minimum(ranges, self.range_m), met
+
+    def _note_corners(self, ends: Floats, whose: np.ndarray) -> None:
+        """Count the frames in which a ray ended near each corner of each thing."""
+        for k, counts in enumerate(self.corner_frames):
+            mine = ends[whose == k]
+            if len(mine) and k < len(self.things):
+                off = mine[:, None] - self.things[k].outline
+                counts += np.hypot(off[..., 0], off[..., 1]).min(axis=0) < CORNER_M
 
     def _hulls(self, ends: Floats, whose: np.ndarray) -> list[tuple[int, Floats, int]]:
         found = []

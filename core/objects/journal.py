@@ -10,6 +10,7 @@ from collections import OrderedDict
 from itertools import takewhile
 
 import numpy as np
+import shapely
 from msgspec import Struct
 
 from core.objects.records import Floats
@@ -35,10 +36,17 @@ class Shape(Struct, frozen=True, eq=False):
         return int.from_bytes(hashlib.blake2b(body, digest_size=8).digest(), "little")
 
     def differs_by_m(self, other: "Shape") -> float:
-        """How far corners or heights are apart, m; inf: they have other numbers of corners."""
-        if self.corners_mm.shape != other.corners_mm.shape:
+        """How far corners or heights are apart, m; of other numbers of corners, how far outlines.
+
+        inf: a wall has other numbers of segments.
+        """
+        if self.corners_mm.shape == other.corners_mm.shape:
+            apart = float(np.abs(self.corners_mm - other.corners_mm).max(initial=0))
+        elif self.kind == "wall":
             return math.inf
-        apart = np.abs(self.corners_mm - other.corners_mm).max(initial=0)
+        else:
+            ring = shapely.LinearRing(self.corners_mm)
+            apart = float(ring.hausdorff_distance(shapely.LinearRing(other.corners_mm)))
         heights = abs(self.bottom_mm - other.bottom_mm), abs(self.top_mm - other.top_mm)
         return float(max(apart, *heights)) / MM
 

@@ -11,22 +11,21 @@ Source: docs/object-map.md.
 from collections import Counter, OrderedDict
 from collections.abc import Iterable, Sequence
 from itertools import combinations
-from typing import NamedTuple
 
 import numpy as np
 import shapely
 from msgspec import Struct
 
 from core.objects.align import Correction, Sides, correction_of
-from core.objects.contour import area_of
 from core.objects.field import NONE
 from core.objects.index import Box, BoxIndex
 from core.objects.journal import Changes, Journal, shape_of
 from core.objects.map_settings import ObjectMapSettings
 from core.objects.mapped import MapObject, Mapped, box_of
 from core.objects.newcomers import Newcomer, Newcomers, Obstacle, Sight, size_of
-from core.objects.records import Detection, Floats, FrameObjects
-from core.objects.seen import mark_seen, pieces_of, sectors_of
+from core.objects.prepared import PreparedFrame, check_frame, prepared, seen_of
+from core.objects.records import Floats, FrameObjects
+from core.objects.seen import pieces_of
 from core.objects.wall_map import WallMap
 from core.objects.walls import WallRecord
 
@@ -39,16 +38,6 @@ class MapUpdate(Struct, frozen=True, eq=False):
     version: int  # of the map behind it
     correction: Correction  # where the frame really was
     obstacles: tuple[Obstacle, ...]  # all that is not in the map
-
-
-class _Frame(NamedTuple):
-    """A frame in the map's place, prepared for the fields."""
-
-    frame: FrameObjects
-    sectors: Floats
-    lens: Floats
-    pieces: list[Floats]  # of each detection, marked where seen
-    polygons: list[shapely.Polygon]
 
 
 class ObjectMap:
@@ -111,12 +100,12 @@ class ObjectMap:
         Raises:
             ValueError: a number of it is not finite, or it is older than the one before.
         """
-        _check(frame, self._last_s)
+        check_frame(frame, self._last_s)
         self._last_s = frame.at_s
-        raw = self._prepared(frame)
+        raw = prepared(frame, self.settings)
         near = self._near(raw)
         correction = correction_of(self._sides(raw, near), frame.origin, self.settings)
-        now = self._prepared(correction.frame(frame))
+        now = prepared(correction.frame(frame), self.settings)
         mine = self._matches(now, near, self.settings.hull_sigma_m + self.settings.cell_m)
         self._newcomers.add(frame.at_s, self._unexplained(now, near, mine), now.sectors, now.lens)
         anchor = max((self._objects[n].frames for n in mine), default=0)
@@ -133,24 +122,15 @@ class ObjectMap:
 
     # one frame, step by step
 
-    def _prepared(self, frame: FrameObjects) -> _Frame:
-        s = self.settings
-        sectors = sectors_of(frame.view, frame.origin)
-        found = tuple(one for d in frame.detections if (one := _thick(d, frame.origin, s)))
-        pieces = [pieces_of(one.polygon, 2.0 * s.cell_m) for one in found]
-        for part in pieces:
-            mark_seen(part, sectors, *frame.origin, s.view_gap_m + s.cell_m)
-        polygons = [shapely.Polygon(one.polygon) for one in found]
-        lens = np.array(frame.origin)
-        return _Frame(frame._replace(detections=found), sectors, lens, pieces, polygons)
-
-    def _near(self, now: _Frame) -> list[int]:
+    def _near(self, now: PreparedFrame) -> list[int]:
         """Ids of objects that this frame may speak of."""
         found = now.frame.detections
         points = [now.lens[None], now.frame.view, *(one.polygon for one in found)]
         return self._index.near(box_of(np.vstack(points), self.settings.guard_m))
 
-    def _matches(self, now: _Frame, near: list[int], margin_m: float) -> dict[int, list[int]]:
+    def _matches(
+        self, now: PreparedFrame, near: list[int], margin_m: float
+    ) -> dict[int, list[int]]:
         """By object, the detections that touch it within a margin."""
         found: dict[int, list[int]] = {}
         if not now.polygons:
@@ -163,15 +143,17 @@ class ObjectMap:
                 found[number] = sorted(hits.tolist())
         return found
 
-    def _sides(self, raw: _Frame, near: list[int]) -> list[Sides]:
+    def _sides(self, raw: PreparedFrame, near: list[int]) -> list[Sides]:
         s = self.settings
         sides = self.walls.sides(raw.frame.walls)
         for number, hits in self._matches(raw, near, 3.0 * s.pose_sigma_m).items():
             lines = self._objects[number].lines()
-            sides += [Sides(_seen(raw.pieces[k]), lines, s.hull_sigma_m) for k in hits]
+            sides += [Sides(seen_of(raw.pieces[k]), lines, s.hull_sigma_m) for k in hits]
         return sides
 
-    def _unexplained(self, now: _Frame, near: list[int], mine: dict[int, list[int]]) -> list[Sight]:
+    def _unexplained(
+        self, now: PreparedFrame, near: list[int], mine: dict[int, list[int]]
+    ) -> list[Sight]:
         """What of the detections no object of the map covers."""
         s, sights = self.settings, []
         margin_m = 3.0 * s.hull_sigma_m + 2.0 * s.cell_m
@@ -197,7 +179,7 @@ class ObjectMap:
             sights.append(Sight(*at))
         return sights
 
-    def _vote(self, one: Mapped, now: _Frame, mine: dict[int, list[int]]) -> None:
+    def _vote(self, one: Mapped, now: PreparedFrame, mine: dict[int, list[int]]) -> None:
         """One frame's say on one object."""
         hits = mine.get(one.id, [])
         field = one.awake()
@@ -246,7 +228,7 @@ class ObjectMap:
         field.forget(pieces_of(outline, 1.0))
         self._told(part)
 
-    def _merge(self, now: _Frame, mine: dict[int, list[int]]) -> None:
+    def _merge(self, now: PreparedFrame, mine: dict[int, list[int]]) -> None:
         """Make one of two objects that cover each other, or that hulls cover time and again."""
         s = self.settings
         there = [n for n in mine if n in self._objects]
@@ -279,9 +261,9 @@ class ObjectMap:
         one.field = None
         corners = np.vstack([sight.detection.polygon for sight in newcomer.last])
         field = one.fresh(corners.min(axis=0), corners.max(axis=0))
-        shifts, first = [], _seen(newcomer.last[0].pieces)[:, :4]
+        shifts, first = [], seen_of(newcomer.last[0].pieces)[:, :4]
         for sight in newcomer.last:
-            sides = Sides(_seen(sight.pieces), first, self.settings.hull_sigma_m)
+            sides = Sides(seen_of(sight.pieces), first, self.settings.hull_sigma_m)
             by = correction_of([sides], sight.origin, self.settings)
             field.vote(by.pieces(sight.pieces), NONE, NONE, sight.origin)
             shifts.append(by.shift_at(sight.detection.polygon.mean(axis=0)))
@@ -306,7 +288,7 @@ class ObjectMap:
                 gain = 1.0 / (1.0 + min(one.frames, self.settings.memory_frames))
                 one.shift(-gain * by.shift_at(one.polygon.mean(axis=0)))
 
-    def _update_walls(self, now: _Frame, by: Correction) -> None:
+    def _update_walls(self, now: PreparedFrame, by: Correction) -> None:
         for number in self.walls.update(now.frame, now.sectors, by, self._new_id):
             self._wall_told(self.walls.record(number))
 
@@ -356,40 +338,6 @@ class ObjectMap:
             self._objects[number].sleep()
 
 
-def _seen(pieces: Floats) -> Floats:
-    """Those pieces (k, 5) of a hull that the frame saw."""
-    return pieces[pieces[:, 4] > 0.0]
-
-
-def _thick(
-    detection: Detection, origin: tuple[float, float], s: ObjectMapSettings
-) -> Detection | None:
-    """A detection whose hull has some depth behind what was seen of it; None: no hull at all.
-
-    Of a face seen straight on, a hull is a line: things are at least two cells deep.
-    """
-    corners = detection.polygon
-    if len(corners) < 2:
-        return None
-    polygon = shapely.Polygon(corners) if len(corners) > 2 else shapely.LineString(corners)
-    if not polygon.is_valid:
-        polygon = polygon.convex_hull
-    if polygon.is_empty or polygon.length <= 0.0:
-        return None
-    deep = 2.0 * s.cell_m
-    if polygon.geom_type != "Polygon" or polygon.buffer(-0.5 * deep).is_empty:
-        points = shapely.get_coordinates(polygon)
-        away = points - np.array(origin)
-        away = away / np.maximum(np.hypot(*away.T), 1e-9)[:, None]
-        polygon = shapely.MultiPoint(np.vstack([points, points + deep * away])).convex_hull
-        if polygon.geom_type != "Polygon":
-            return None
-    corners = np.asarray(polygon.exterior.coords)[:-1]
-    if area_of(corners) < 0.0:
-        corners = corners[::-1]
-    return detection._replace(polygon=np.ascontiguousarray(corners))
-
-
 def _largest(shape: shapely.Geometry) -> Floats:
     """The outline (n, 2) of the largest part; (0, 2) of nothing."""
     parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
@@ -404,14 +352,3 @@ def _covers(
 ) -> bool:
     """Whether a hull covers more than an edge of both."""
     return all(hull.intersection(each).area > least_m * least_m for each in (one, other))
-
-
-def _check(frame: FrameObjects, last_s: float) -> None:
-    if not last_s <= frame.at_s < np.inf:
-        raise ValueError(f"at_s: must be finite and at least {last_s}, is {frame.at_s}")
-    if not np.isfinite(frame.origin).all():
-        raise ValueError(f"origin: must be finite, is {frame.origin}")
-    numbers = [frame.view, frame.walls, *(one.polygon for one in frame.detections)]
-    heights = [(one.bottom_m, one.top_m) for one in frame.detections]
-    if not all(np.isfinite(part).all() for part in [*numbers, np.array(heights)]):
-        raise ValueError(f"frame of {frame.at_s} s: has numbers that are not finite")

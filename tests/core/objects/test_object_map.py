@@ -2,11 +2,14 @@
 
 import math
 
+import msgspec
 import numpy as np
 import pytest
 
+from core.objects.map_settings import QuickCheckSettings
 from core.objects.object_map import MapUpdate, ObjectMap
 from core.objects.records import Detection, FrameObjects
+from core.objects.warm import warm_object_map
 from tools.experiments.object_world import (
     SETTINGS,
     Noise,
@@ -150,3 +153,66 @@ def test_a_door_in_a_wall_opens_and_closes() -> None:
     watch(world, objects, SEEN_S)
     [wall] = objects.walls.records()
     assert (len(wall.segments), len(wall.openings)) == (1, 0)
+
+
+def test_what_a_post_cut_in_two_is_one_object_once_it_is_seen_whole() -> None:
+    world, objects = World([box(2.5, 0.0, 0.3, 1.6), box(1.2, 0.0, 0.2, 0.2)]), ObjectMap(SETTINGS)
+    watch(world, objects, 20)
+    assert len(outlines(objects)) == 3
+    del world.things[1]
+    watch(world, objects, 2 * SEEN_S)
+    [whole] = outlines(objects)
+    assert np.ptp(whole, axis=0)[1] == pytest.approx(1.6, abs=0.04)
+
+
+def test_two_things_side_by_side_are_two_objects() -> None:
+    world = World([box(2.0, 0.3, 0.4, 0.4), box(2.0, -0.25, 0.4, 0.4)], noise=NOISE)
+    objects = ObjectMap(SETTINGS)
+    watch(world, objects, 60)
+    assert len(outlines(objects)) == 2
+
+
+def test_sides_are_finished_that_were_seen_whole_and_views_are_noted() -> None:
+    world, objects = World([box(2.0, 0.0, 0.4, 0.4)]), ObjectMap(SETTINGS)
+    watch(world, objects, 20)
+    [one] = objects.objects()
+    ends = np.roll(one.polygon, -1, axis=0)
+    is_front = (np.abs(one.polygon[:, 0] - 1.8) < 0.02) & (np.abs(ends[:, 0] - 1.8) < 0.02)
+    assert one.finished[is_front].all()
+    assert not one.finished[~is_front].all()
+    assert one.seen_from == 1 << 4
+    assert one.confidence > 0.4
+
+
+def test_frames_that_make_no_sense_are_refused_and_odd_hulls_are_not() -> None:
+    objects, view = ObjectMap(SETTINGS), np.array([[0.0, 0.0], [1.5, -1.0], [1.5, 1.0]])
+    frame = FrameObjects(1.0, (0.0, 0.0), view, (), np.zeros((0, 4)))
+    bow = np.array([[2.0, 0.0], [2.4, 0.4], [2.4, 0.0], [2.0, 0.4]])
+    odd = (bow, bow[:2], bow[:1], bow[:0], np.repeat(bow[:1], 4, axis=0))
+    found = tuple(Detection(polygon, 0.0, 1.0, 9) for polygon in odd)
+    objects.update(frame._replace(detections=found))
+    objects.update(frame._replace(view=np.zeros((0, 2)), walls=np.zeros((1, 4))))
+    with pytest.raises(ValueError, match=r"at_s: must be finite and at least 1\.0, is 0\.5"):
+        objects.update(frame._replace(at_s=0.5))
+    with pytest.raises(ValueError, match="not finite"):
+        objects.update(frame._replace(view=view * np.nan))
+    with pytest.raises(ValueError, match="origin: must be finite"):
+        objects.update(frame._replace(origin=(np.inf, 0.0)))
+
+
+def test_after_warming_no_frame_compiles_anything() -> None:
+    look = QuickCheckSettings(
+        rays=60, max_range_m=3.0, tolerance_m=0.1, most_unknown=0.5, every_frames=5
+    )
+    warm_object_map(SETTINGS, look)
+
+
+def test_few_fields_are_kept_and_the_rest_goes_on_from_its_outline() -> None:
+    few = msgspec.structs.replace(SETTINGS, active_objects=1)
+    world, objects = World([box(2.0, 0.0, 0.4, 0.4), box(-2.0, 0.0, 0.4, 0.4)]), ObjectMap(few)
+    for _ in range(4):
+        watch(world, objects, 20)
+        watch(world, objects, 20, yaw=math.pi)
+    first, second = outlines(objects)
+    assert corner_errors(world.things[0].outline[[0, 3]], first).max() < 0.03
+    assert corner_errors(world.things[1].outline[[1, 2]], second).max() < 0.03

@@ -290,7 +290,10 @@ class ObjectMap:
 
     def _update_walls(self, now: PreparedFrame, by: Correction) -> None:
         for number in self.walls.update(now.frame, now.sectors, by, self._new_id):
-            self._wall_told(self.walls.record(number))
+            if self.walls.has(number):
+                self._wall_told(self.walls.record(number))
+            else:
+                self._journal.delete(number)
 
     # bookkeeping
 
@@ -326,6 +329,8 @@ class ObjectMap:
         self._awake.pop(one.id, None)
         self._index.remove(one.id)
         self._journal.delete(one.id)
+        for pair in [pair for pair in self._bridges if one.id in pair]:
+            del self._bridges[pair]
 
     def _sleep(self, near: Sequence[int]) -> None:
         """Only so many objects keep a field: those seen last."""

@@ -71,7 +71,7 @@ class WallMap:
     def update(
         self, frame: FrameObjects, sectors: Floats, by: Correction, new_id: Callable[[], int]
     ) -> list[int]:
-        """One frame; ids of the walls that it spoke of."""
+        """One frame; ids of the walls that it spoke of, those that are no more as well."""
         hits: dict[int, list[Floats]] = {}
         for segment in frame.walls:
             if math.dist(*segment.reshape(2, 2)) < 2.0 * self._s.wall_cell_m:
@@ -92,6 +92,9 @@ class WallMap:
                 wall.point = (
                     wall.point - gain * (by.shift_at(wall.point) @ wall.normal) * wall.normal
                 )
+            if frame.at_s - wall.seen_s > self._s.coast_s and len(wall.record().segments) == 0:
+                del self._walls[number]  # never confirmed, or taken down
+                self._index.remove(number)
         return sorted({*hits, *near})
 
     def _of(self, segment: Floats) -> Wall | None:

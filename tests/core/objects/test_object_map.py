@@ -138,8 +138,8 @@ def test_a_walkers_velocity_is_told_once_it_is_known() -> None:
 
 
 def test_a_door_in_a_wall_opens_and_closes() -> None:
-    shut = np.array([[3.0, -2.0, 3.0, 2.0]])
-    open_ = np.array([[3.0, -2.0, 3.0, -0.5], [3.0, 0.5, 3.0, 2.0]])
+    shut = np.array([[3.0, -1.5, 3.0, 1.5]])
+    open_ = np.array([[3.0, -1.5, 3.0, -0.5], [3.0, 0.5, 3.0, 1.5]])
     world, objects = World([], shut, NOISE), ObjectMap(SETTINGS)
     watch(world, objects, 30)
     [wall] = objects.walls.records()
@@ -153,6 +153,12 @@ def test_a_door_in_a_wall_opens_and_closes() -> None:
     watch(world, objects, SEEN_S)
     [wall] = objects.walls.records()
     assert (len(wall.segments), len(wall.openings)) == (1, 0)
+    [shape] = objects.changes_since(0).changed
+    assert (shape.kind, shape.id) == ("wall", wall.id)
+    world.walls = np.zeros((0, 4))  # taken down
+    watch(world, objects, SEEN_S)
+    assert objects.walls.records() == []
+    assert objects.changes_since(0).changed == ()
 
 
 def test_what_a_post_cut_in_two_is_one_object_once_it_is_seen_whole() -> None:

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -138,6 +138,9 @@ sensitivity: setup ## docs/method.md's picture: each constant halved and doubled
 	@$(BIN)/python -m tools.experiments.sensitivity --only 7 --kept sensitivity.json \
 	  --picture docs/pictures/sensitivity.png
 	@$(call DRAWN,sensitivity.png,sensitivity,tools/experiments/sensitivity.py)
+
+object-map: setup $(VENV)/.ready-objects ## docs/object-map.md's table and picture: simulated rooms against their truth; ten minutes
+	@$(BIN)/python -m tools.experiments.object_rooms --picture docs/pictures/object-map.png
 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))

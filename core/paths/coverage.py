@@ -21,15 +21,20 @@ from core.paths.rings import Walls, length_of
 from core.paths.space import FloorError, grown, largest, narrowed, polygons_in, repaired
 from core.paths.sweep import QUARTER, Piece, Sweeper, rotated, turned
 from core.paths.tours import graph_of, linked, ordered, snapped
+from core.paths.visibility import VisibilityGraph
 from core.records import F64
 
 STROKE = (
     0.35  # a missed area of more than that share of a square of the width gets a line of its own
 )
 STROKE_ROUNDS = 2
-PRICES = (0.3, 0.12, 0.06, 0.03)  # what a change must win, of what a lane in the open does
+PRICES = (  # what a change must win, of what a lane in the open does; rows are tried in turn
+    (0.4, 0.15, 0.07, 0.05),
+    (0.3, 0.12, 0.05),
+)
+WORTH = 0.08  # at that price plans are compared
 ENOUGH = 0.996  # of the raster; more is bought at no lower price
-FEW_LANES_M = 250.0  # work, in widths, up to that both directions are planned to the end
+SMALL, MIDDLING = 150, 250  # widths of work: up to that all is tried; both directions are
 SPECK = 0.003  # smaller missed areas, of a square of the width, get no detour
 SPREAD_RAD = 0.03  # walls within that are taken to run one way
 SMOOTH = 0.2  # of the width: steps of walls up to that do not count for the lanes' direction
@@ -71,9 +76,13 @@ def plan_coverage(
     if angle_rad is None:
         works.append(_Work(space, todo, rooms, machine, angle + QUARTER))
         works.sort(key=lambda work: work.work_m)
-        if works[0].work_m > FEW_LANES_M * machine.width_m:
-            del works[1:]
-    best = max((work.path(begin, dock, is_refined) for work in works), key=lambda path: path[0])
+    work_m = works[0].work_m / machine.width_m
+    rows = PRICES if is_refined else ((),)
+    tries = [(works[0], row) for row in rows[: 2 if work_m < SMALL else 1]]
+    if work_m < MIDDLING:
+        tries += [(work, rows[0]) for work in works[1:]]
+    paths = [work.path(begin, dock, row) for work, row in tries]
+    best = max(paths, key=lambda path: path[0])
     return _plan(free, space, target, todo, *best[1:], machine)
 
 
@@ -134,6 +143,7 @@ class _Work:
         regions = _regions(space, todo, rooms, machine.width_m)
         self._regions = [[turned(part, turn_rad) for part in region] for region in regions]
         self._groups, self._raster, self.work_m = self._pieces()
+        self._toured: tuple[VisibilityGraph, list[list[F64]]] | None = None
 
     def _inside(self, point: Point) -> F64:
         """The nearest place for the machine's centre, (2,)."""
@@ -170,14 +180,11 @@ class _Work:
         return int(np.argmin(far))
 
     def path(
-        self, begin: Point | None, dock: Point | None, is_refined: bool
+        self, begin: Point | None, dock: Point | None, prices: Sequence[float]
     ) -> tuple[float, F64, list[bool], float]:
         """What it is worth in m2; (n, 2) corners; whether each edge sweeps; the lanes' angle."""
         start, end = (None if p is None else self._inside(p) for p in (begin, dock))
-        self._strokes()
-        graph = graph_of(self._space)
-        groups = [snapped(group, self._space) for group in self._groups]
-        lines = ordered(groups, graph, start, end) if any(groups) else []
+        graph, lines = self._tour(start, end)
         self._raster.clear()
         refiners: list[Refiner] = []
         here = start
@@ -186,21 +193,31 @@ class _Work:
             if len(path) > 1:
                 refiners.append(Refiner(path, self._raster, graph, self._machine.width_m))
                 here = path[-1]
-        if is_refined:
-            self._refine(refiners)
+        if prices:
+            self._refine(refiners, prices)
         if not refiners:
             return 0.0, np.empty((0, 2)), [], self._angle_rad
         points = np.vstack([refiners[0].points, *(r.points[1:] for r in refiners[1:])])
         sweeps = modes_of(points, self._raster, self._machine.width_m)
         worth = self._raster.area(self._raster.swept)
-        worth -= PRICES[-1] * self._machine.width_m * length_of(points)
+        worth -= WORTH * self._machine.width_m * length_of(points)
         home = None if end is None else graph.way(points[-1], end)
         if home is not None and math.dist(points[-1], home[-1]) > 1e-9:
             points, sweeps = np.vstack([points, home[1:]]), sweeps + [False] * (len(home) - 1)
         return worth, rotated(points, self._angle_rad), sweeps, self._angle_rad
 
-    def _refine(self, refiners: list[Refiner]) -> None:
-        for price in PRICES:
+    def _tour(self, start: F64 | None, end: F64 | None) -> tuple[VisibilityGraph, list[list[F64]]]:
+        """Lines in their order, by region; made once."""
+        if self._toured is None:
+            self._strokes()
+            graph = graph_of(self._space)
+            groups = [snapped(group, self._space) for group in self._groups]
+            lines = ordered(groups, graph, start, end) if any(groups) else []
+            self._toured = graph, lines
+        return self._toured
+
+    def _refine(self, refiners: list[Refiner], prices: Sequence[float]) -> None:
+        for price in prices:
             for refiner in refiners:
                 refiner.tighten(price)
             for area in self._raster.missed(SPECK * self._machine.width_m**2):

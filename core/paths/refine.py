@@ -16,7 +16,7 @@ from core.paths.rings import joined, length_of
 from core.paths.visibility import VisibilityGraph
 from core.records import F64
 
-ROUNDS = 2  # of all changes at each price
+ROUNDS, DEAR = 2, 0.1  # of all changes at each price; at higher prices one
 MORE = 1.2  # a detour may win a little more than what it is made for
 
 
@@ -32,7 +32,7 @@ class Refiner:
         path, n = self.points.copy(), len(self.points)
         raster, walls = self._raster, self._graph.walls
         given = raster.count, raster.is_target, raster.grid, walls, path
-        for _ in range(ROUNDS):
+        for _ in range(1 if price > DEAR else ROUNDS):
             n = shorten(*given, n, price * self._width_m)
             shift(*given, n, price * self._width_m)
             uncross(*given, n, price * self._width_m)

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity coverage-plans pictures \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -129,6 +129,10 @@ pictures: setup $(VENV)/.ready-view $(VENV)/.ready-test ## the documents' pictur
 placement: setup ## docs/terrain.md's picture: what mounts of a downward-looking sensor see of rough ground
 	@$(BIN)/python -m mapod placement --fields 200 --picture docs/pictures/placement.png
 	@$(call DRAWN,placement.png,placement,tools/placement/*.py)
+
+coverage-plans: setup $(VENV)/.ready-test ## docs/coverage.md's table and picture: planners on floor plans of real robots; minutes
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet "coverage-path-planner>=1.4,<2"
+	@$(BIN)/python -m tools.floorplans.table
 
 sensitivity: setup ## docs/method.md's picture: each constant halved and doubled; hours, goes on where it stopped
 	@$(BIN)/python -m tools.experiments.sensitivity --only 7 --kept sensitivity.json \

@@ -1,4 +1,4 @@
-"""Planners to compare with: plain rows, the package coverage-path-planner, and what a robot drove."""
+"""Planners to compare with: plain rows, coverage-path-planner, and what a robot drove."""
 
 import math
 
@@ -15,7 +15,7 @@ from core.records import F64
 def plain_rows(floor: shapely.MultiPolygon, machine: Machine) -> list[Segment]:
     """Parallel rows over the whole floor to and fro; round obstacles by the shortest way.
 
-    As a cleaning robot of the early 2010s did: no cells, no choice of direction, no order of pieces.
+    As cleaning robots of the early 2010s did: no cells, no choice of direction, no order.
     """
     space = largest(polygons_in(narrowed(floor, machine.margin_m)))
     low_x, low_y, high_x, high_y = space.bounds

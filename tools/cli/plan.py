@@ -18,7 +18,7 @@ from tools.cli.options import fail, number_in, parser_of, value_of
 if TYPE_CHECKING:
     from core.paths.measures import Measures
     from core.paths.records import Machine
-    from tools.floorplans.plan_file import FloorPlan
+    from tools.floorplans.records import FloorPlan
 
 NOT_INSTALLED = "needs the library of polygons: pip install 'mapod[objects]'"
 Point = tuple[float, float]
@@ -175,7 +175,8 @@ def main(given: list[str] | None = None) -> int:
         return fail("plan", NOT_INSTALLED)
     from core.paths.records import Machine
     from core.paths.space import FloorError
-    from tools.floorplans.plan_file import PlanFileError, load_plan
+    from tools.floorplans.plan_file import load_plan
+    from tools.floorplans.records import PlanFileError
 
     try:
         machine = Machine(

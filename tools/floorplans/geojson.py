@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 from core.paths.records import CoveragePlan
 from core.paths.space import repaired
 from core.records import F64
-from tools.floorplans.plan_file import FloorPlan, Json, PlanFileError, list_at, number, shown
+from tools.floorplans.records import FloorPlan, Json, PlanFileError, list_at, number, shown
 
 WALL_M = 0.01  # half the width of a wall that is drawn as a line
 KINDS = ("floor", "obstacle", "room", "wall", "start", "dock")

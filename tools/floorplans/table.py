@@ -15,7 +15,8 @@ from core.paths.records import CoveragePlan, Machine, Segment
 from tools.docs.pictures import PICTURES, ROOT, record
 from tools.floorplans.baselines import driven, other_planner, plain_rows
 from tools.floorplans.picture import MISSED, REACHED, drawn
-from tools.floorplans.plan_file import FloorPlan, load_plan
+from tools.floorplans.plan_file import load_plan
+from tools.floorplans.records import FloorPlan
 
 PLANS = ROOT / "tests" / "vectors" / "floorplans"
 PAGE = ROOT / "docs" / "coverage.md"

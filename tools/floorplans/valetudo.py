@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from core.paths.space import repaired
 from core.records import F64
-from tools.floorplans.plan_file import (
+from tools.floorplans.records import (
     FloorPlan,
     Json,
     PlanFileError,

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from core.paths.rings import length_of
 from tests import VECTORS
-from tools.floorplans.plan_file import PlanFileError, load_plan
+from tools.floorplans.plan_file import load_plan
+from tools.floorplans.records import PlanFileError
 
 PLANS = VECTORS / "floorplans"
 SQUARE = [[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]]

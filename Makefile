@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -133,6 +133,9 @@ placement: setup ## docs/terrain.md's picture: what mounts of a downward-looking
 
 objects: setup $(VENV)/.ready-test ## docs/objects.md's pictures: what the steps make of real frames of a depth camera
 	@$(BIN)/python -m tools.objects.pictures
+coverage-plans: setup $(VENV)/.ready-test ## docs/coverage.md's table and picture: planners on floor plans of real robots; minutes
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet "coverage-path-planner>=1.4,<2"
+	@$(BIN)/python -m tools.floorplans.table
 
 sensitivity: setup ## docs/method.md's picture: each constant halved and doubled; hours, goes on where it stopped
 	@$(BIN)/python -m tools.experiments.sensitivity --only 7 --kept sensitivity.json \

@@ -18,7 +18,7 @@ $(BIN)/python:
 	@echo "mapod: setting up the virtual environment in $(VENV) (once)"
 	@$(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
 
-EXTRAS_sim := sim view
+EXTRAS_sim := sim objects view
 EXTRAS_test := camera objects view export foxglove sweep video test
 
 $(VENV)/.ready-%: pyproject.toml | $(BIN)/python

@@ -11,11 +11,13 @@ import json
 import math
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tools.cli.options import fail, number_in, parser_of, value_of
 
 if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
     from core.paths.measures import Measures
     from core.paths.records import Machine
     from tools.floorplans.records import FloorPlan
@@ -72,7 +74,7 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     add("--speed", type=number_in(0.01, 100), default=0.3, help="for the time, in m/s (0.3)")
     add("--accel", type=number_in(0.01, 100), default=0.5, help="in m/s2 (0.5)")
     add("--turn", type=number_in(1, 3600), default=90.0, help="on the spot, in deg/s (90)")
-    add("--report", type=Path, help="the figures as JSON")
+    add("--report", action="store_true", help="tell the figures, and what is missed, as JSON")
     add("--picture", type=Path, help="a PNG")
     add("--out", type=Path, help="the path as GeoJSON, each line with its kind: sweep or travel")
     options = parser.parse_args(given)
@@ -93,6 +95,12 @@ def margin_of(options: argparse.Namespace) -> float:
 def write_json(path: Path | None, content: object) -> None:
     if path is not None:
         path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def rings_of(areas: "MultiPolygon") -> list[list[Any]]:
+    """Polygons as GeoJSON has their coordinates, the largest first."""
+    parts = sorted(areas.geoms, key=lambda part: part.area, reverse=True)
+    return [[list(ring.coords) for ring in (p.exterior, *p.interiors)] for p in parts]
 
 
 def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> None:
@@ -122,13 +130,17 @@ def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") ->
         speed_mps=options.speed, accel_mps2=options.accel, turn_radps=math.radians(options.turn)
     )
     told = measures(made, plan.free, machine, motion)
-    print("\n".join(lines_of(told)))
-    print(f"planned in         {took_s:9.2f} s; lanes at {math.degrees(made.angle_rad):.1f} deg")
-    parts = sorted((p.area for p in made.uncovered.geoms), reverse=True)
-    print(f"missed             {sum(parts):9.3f} m2 in {len(parts)} places")
-    names = told.__slots__
-    figures = {name: getattr(told, name) for name in names} | {"planned_s": took_s}
-    write_json(options.report, figures)
+    if options.report:
+        figures = {name: getattr(told, name) for name in told.__slots__}
+        figures |= {"planned_s": took_s, "uncovered": rings_of(made.uncovered)}
+        print(json.dumps(figures, indent=1))
+    else:
+        missed_m2, places = made.uncovered.area, len(made.uncovered.geoms)
+        print("\n".join(lines_of(told)))
+        print(
+            f"planned in         {took_s:9.2f} s; lanes at {math.degrees(made.angle_rad):.1f} deg"
+        )
+        print(f"missed             {missed_m2:9.3f} m2 in {places} places")
     write_json(options.out, plan_as_geojson(made))
     if options.picture is not None:
         layers = [(made.reachable, REACHED), (made.uncovered, MISSED)]
@@ -159,8 +171,11 @@ def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> in
     found = find_way(plan.free, machine.margin_m, options.start_at, options.goal)
     if isinstance(found, NoWay):
         return fail("plan", f"no way: {found.describe()}", 1)
-    print(f"{found.length_m:.3f} m, {len(found.points) - 2} corners")
-    write_json(options.report, {"length_m": found.length_m, "corners": len(found.points) - 2})
+    corners = len(found.points) - 2
+    if options.report:
+        print(json.dumps({"length_m": found.length_m, "corners": corners}, indent=1))
+    else:
+        print(f"{found.length_m:.3f} m, {corners} corners")
     write_json(options.out, way_as_geojson(found.points))
     if options.picture is not None:
         segments = [Segment("travel", found.points)]

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+import shapely
 from PIL import Image
 
 from tests import VECTORS, Capsys
@@ -26,11 +27,14 @@ def hall(tmp_path: Path) -> str:
 
 
 def test_a_plan_is_told_drawn_and_written(hall: str, tmp_path: Path, capsys: Capsys) -> None:
-    out, report, picture = (tmp_path / name for name in ("path.geojson", "report.json", "a.png"))
-    files = ["--out", str(out), "--report", str(report), "--picture", str(picture)]
-    assert main([hall, "--start", "0.3,0.3", "--dock", "3.5,2.5", *files]) == 0
+    out, picture = (tmp_path / name for name in ("path.geojson", "a.png"))
+    ends, files = ["--start", "0.3,0.3", "--dock", "3.5,2.5"], ["--out", str(out)]
+    assert main([hall, *ends]) == 0
     assert "covered" in capsys.readouterr().out
-    figures = json.loads(report.read_text())
+    assert main([hall, *ends, *files, "--picture", str(picture), "--report"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    missed_m2 = sum(shapely.Polygon(rings[0], rings[1:]).area for rings in figures["uncovered"])
+    assert missed_m2 == pytest.approx((1 - figures["covered_of_reachable"]) * 12, abs=0.3)
     assert figures["covered_of_reachable"] > 0.98
     assert figures["outside_m2"] < 1e-9
     features = json.loads(out.read_text())["features"]

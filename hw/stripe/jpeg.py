@@ -5,8 +5,8 @@ own bus loses them, all that comes behind moves up: a line is then seen where no
 image's blocks are counted. What is lost within one block, and costs none, may stay unseen.
 
 Baseline JPEG with one scan, as web cameras send it; any other can't be checked, and is told as
-such.
-Source: ITU-T T.81, annexes B and F.
+such. Cameras on USB leave the tables out, which are then those of annex K.
+Source: ITU-T T.81, annexes B, F and K.3.
 """
 
 import numpy as np
@@ -23,6 +23,19 @@ KINDS = 8  # of tables: four for a block's first number, four for its others
 MOST_BLOCKS = 10  # in a unit
 QUICK_BITS = 9  # codes so long or shorter are looked up at once: nearly all
 MOST_HELD = 32  # bits before more are read; a symbol takes 31 at most: code and number behind it
+USUAL_TABLES = bytes.fromhex(  # annex K.3 as a segment
+    "ffc401a20000010501010101010100000000000000000102030405060708090a0b"
+    "100002010303020403050504040000017d01020300041105122131410613516107227114328191a1082342b1c115"
+    "52d1f02433627282090a161718191a25262728292a3435363738393a434445464748494a535455565758595a6364"
+    "65666768696a737475767778797a838485868788898a92939495969798999aa2a3a4a5a6a7a8a9aab2b3b4b5b6b7"
+    "b8b9bac2c3c4c5c6c7c8c9cad2d3d4d5d6d7d8d9dae1e2e3e4e5e6e7e8e9eaf1f2f3f4f5f6f7f8f9fa"
+    "0100030101010101010101010000000000000102030405060708090a0b"
+    "110002010204040304070504040001027700010203110405213106124151076171132232810"
+    "8144291a1b1c109233352f0156272d10a162434e125f11718191a262728292a35363738393a434445464748494a5"
+    "35455565758595a636465666768696a737475767778797a82838485868788898a92939495969798999aa2a3a4a5a"
+    "6a7a8a9aab2b3b4b5b6b7b8b9bac2c3c4c5c6c7c8c9cad2d3d4d5d6d7d8d9dae2e3e4e5e6e7e8e9eaf2f3f4f5f6f"
+    "7f8f9fa"
+)
 UNCHECKED = "a JPEG that can't be checked: it is no baseline one of one scan, or lacks its tables"
 TORN = "a JPEG that lacks part of its image"
 
@@ -64,6 +77,16 @@ def fault_of_image(data: bytes) -> str:
             return UNCHECKED
         at += 2 + length
     return UNCHECKED
+
+
+def with_tables(data: bytes) -> bytes:
+    """A JPEG that has no table of codes at all, with the usual ones; any other as it is."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != TABLES:
+        if data[at + 1] == SCAN:
+            return data[:at] + USUAL_TABLES + data[at:]
+        at += 1 if data[at + 1] == 0xFF else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    return data
 
 
 def no_tables() -> Tables:

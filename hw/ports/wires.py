@@ -2,6 +2,10 @@
 
     tcp://host:port    udp://host:port    serial:///path?baud=9600&parity=E&bytesize=7&stopbits=1
 
+For a camera on this machine, and for images of one, in the form of a web camera's answer:
+
+    v4l2:///dev/video0?width=640&height=480&rate=30&exposure_us=2000    folder:///path
+
 A host's name is looked up once, in open_port, before the loop runs; nothing after it waits.
 Time is what poll() is told. Source: Modbus sheet, section 6, for serial lines and ptys.
 
@@ -40,6 +44,14 @@ def open_port(url: str) -> Port:
     match parts.kind:
         case "serial":
             return SerialPort(parts)
+        case "v4l2":
+            from hw.ports.camera import CameraPort  # as for folders: for who has one
+
+            return CameraPort(parts)
+        case "folder":
+            from hw.ports.folder import FolderPort
+
+            return FolderPort(parts)
         case "tcp":
             return TcpPort(parts, _address(url, parts))
         case "udp":

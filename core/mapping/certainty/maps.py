@@ -241,7 +241,11 @@ class CertaintyMaps:
         z_m, low_m = np.full((2, self.grid.size, self.grid.size), math.nan)
         z_m.reshape(-1)[at] = self._heights_m(at, False)
         low_m.reshape(-1)[at] = self.cells.low_m[at]
-        return Ground(self.grid, z_m, low_m)
+        return Ground(self.grid, z_m, low_m, np.zeros(z_m.shape))
+
+    def filled_at(self, at: I64) -> Ground:
+        """The same: nothing tells how sure the fill of (11) is."""
+        return self.ground_at(at)
 
     def causes(self, i: I64, j: I64) -> F64:
         found: U8 = np.zeros(i.size, dtype=np.uint8)

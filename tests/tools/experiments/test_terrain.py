@@ -18,7 +18,6 @@ from tools.experiments.terrain.methods import NAMES, SHADED, Region, settings_of
 from tools.experiments.terrain.pictures import BLUE, RED, WHITE, pixels_of
 from tools.experiments.terrain.report import BEGIN, END, quartiles, with_tables
 from tools.experiments.terrain.ride import STEADY, WALKING, Gait, Ride
-from tools.experiments.terrain.sensors import Urg
 from tools.experiments.terrain.trials import (
     BY_STRIPE,
     STEEP,
@@ -27,6 +26,7 @@ from tools.experiments.terrain.trials import (
     sizes_off,
     thing_seen,
 )
+from tools.experiments.terrain.urg import Urg
 
 SEED = 1001  # not one of those that are judged
 CELL_M = 0.010

@@ -23,7 +23,8 @@ from tools.experiments.terrain.methods import (
     settings_of,
 )
 from tools.experiments.terrain.ride import STEADY, STEP_M, WALKING, Gait, Ride, Sensor
-from tools.experiments.terrain.sensors import Mount, Stripe, Urg
+from tools.experiments.terrain.sensors import Stripe
+from tools.experiments.terrain.urg import Mount, Urg
 
 STEEP, FLAT = Mount(0.35, 55.0), Mount(0.50, 35.0)  # c and b of docs/terrain.md
 STRIPE = Mount(0.40, 40.0, is_stripe=True)  # as in robots/ragno.toml

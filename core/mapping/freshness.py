@@ -35,14 +35,16 @@ def _cover(
     x, y, hx, hy = place
     reach = math.hypot(max(footprint[0], footprint[1]), footprint[2])
     low_i, low_j, count = cells_about(x, y, reach, cell_m)
-    for j in range(low_j, low_j + count):
-        for i in range(low_i, low_i + count):
-            if not (0 <= i - window[0] < size and 0 <= j - window[1] < size):
-                continue
-            dx, dy = (i + 0.5) * cell_m - x, (j + 0.5) * cell_m - y
+    first_i, end_i = max(low_i, window[0]), min(low_i + count, window[0] + size)
+    for j in range(max(low_j, window[1]), min(low_j + count, window[1] + size)):
+        row, dy = j % size * size, (j + 0.5) * cell_m - y
+        column = first_i % size
+        for i in range(first_i, end_i):
+            dx = (i + 0.5) * cell_m - x
             ahead, aside = hx * dx + hy * dy, hx * dy - hy * dx
             if -footprint[1] <= ahead <= footprint[0] and abs(aside) <= footprint[2]:
-                seen_s[(j % size) * size + i % size] = t_s
+                seen_s[row + column] = t_s
+            column = column + 1 if column + 1 < size else 0  # no division for each of fine cells
 
 
 @kernel

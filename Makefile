@@ -111,8 +111,7 @@ flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: d
 	@test -n "$(HOST)" || { echo "mapod: which robot? make flash HOST=user@robot"; exit 1; }
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 
-bench: setup $(VENV)/.ready-test ## what the process uses, beside the figures kept last; what a scan, the planner link and a depth frame cost [KEEP=1 keeps them]
-bench: setup $(VENV)/.ready-camera ## what the process uses, beside the figures kept last; what a scan, an image and the planner link cost [KEEP=1 keeps them]
+bench: setup $(VENV)/.ready-test ## what the process uses, beside the figures kept last; what a scan, an image, the planner link and a depth frame cost [KEEP=1 keeps them]
 	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.mapping

@@ -4,7 +4,8 @@ Of heights alone, for planners of legged robots; nothing is kept, and who asks f
 for these alone. An edge is a difference of heights, whatever lies between: a ramp counts as one
 where it has risen by the bound. Refuses to guess: a foot that would touch a cell that is not known,
 soft, or outside of the map gets no foothold told, and a cell that is not known is no edge. A height
-that was filled in is known as far as it can hide no edge: off by GATE sigmas, it still is none.
+that was filled in is known as far as it can hide no edge: off by GATE sigmas, it still is none. But
+the middle of a foot and half of the cells under it, at least, must have been measured.
 Source: foothold scores by slope, roughness and step as Wermelinger et al., Navigation planning for
 legged robots in challenging terrain, 2016; distance to edges as Jenelten et al., TAMOLS, 2022.
 """
@@ -145,15 +146,16 @@ def _foothold(
     di, dj, n = under.di, under.dj, 1 + under.di.size
     z, sigma, most_m = z_m[own], sigma_m[own], z_m[own] - low_m[own]
     sz = szz = sxz = syz = sxx = 0.0
-    if math.isnan(z):
+    if math.isnan(z) or sigma > 0.0:
         return math.nan, math.nan
-    hidden_m, largest_m = 0.0, sigma
+    hidden_m, largest_m, measured = 0.0, 0.0, 1
     low = _from_corner(own, corner, size)
     for k in range(di.size):
         at = _index(own, di[k], dj[k], low, size)
         if at < 0 or math.isnan(z_m[at]):
             return math.nan, math.nan
-        up, off_m = z_m[at] - z, GATE * math.hypot(sigma, sigma_m[at])
+        up, off_m = z_m[at] - z, GATE * sigma_m[at]
+        measured += off_m == 0.0
         step_m, largest_m = max(abs(up), abs(low_m[at] - z)), max(largest_m, sigma_m[at])
         if off_m == 0.0:
             most_m = max(most_m, step_m)
@@ -162,7 +164,7 @@ def _foothold(
         sxz, syz, sxx = sxz + di[k] * up, syz + dj[k] * up, sxx + di[k] * di[k]
     if most_m > footing.step_m:
         return 0.0, largest_m
-    if hidden_m > footing.step_m:
+    if hidden_m > footing.step_m or 2 * measured < n:
         return math.nan, math.nan
     a, b = sxz / sxx, syz / sxx
     off = szz / n - (sz / n) ** 2 - (a * sxz + b * syz) / n

@@ -200,3 +200,16 @@ def test_of_the_surface_soft_things_are_no_ground_and_low_beams_are_its_lowest()
     )
     assert (edges_m[3, 5], footholds[3, 5]) == (0.0, 0.0)
     assert np.isnan([edges_m[3, 3], footholds[3, 3], footholds[3, 2]]).all()
+
+
+def test_a_foot_needs_its_middle_and_half_of_what_it_touches_to_be_measured() -> None:
+    """Else a pit that nobody saw would be bridged by what lies around it."""
+    grid, everywhere, middle = RingGrid(SIZE, CELL_M), np.arange(SIZE**2), (7, 7)
+    touched = [at for at in itertools.product((6, 7, 8), repeat=2) if at != middle]
+    for filled, is_known in ((touched[:4], True), (touched[:5], False), ([middle], False)):
+        ground = ground_of(flat(), grid)
+        for i, j in filled:
+            ground.sigma_m[(grid.corner_j + j) % SIZE, (grid.corner_i + i) % SIZE] = 1e-3
+        footholds = footing_of("foothold", ground, everywhere, FOOT).reshape(SIZE, SIZE)
+        told = footholds[(grid.corner_j + 7) % SIZE, (grid.corner_i + 7) % SIZE]
+        assert np.isfinite(told) == is_known, filled

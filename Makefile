@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures \
+.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -18,7 +18,7 @@ $(BIN)/python:
 	@echo "mapod: setting up the virtual environment in $(VENV) (once)"
 	@$(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
 
-EXTRAS_sim := sim view
+EXTRAS_sim := sim objects view
 EXTRAS_test := camera objects view export foxglove sweep video test
 
 $(VENV)/.ready-%: pyproject.toml | $(BIN)/python
@@ -111,11 +111,13 @@ flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: d
 	@test -n "$(HOST)" || { echo "mapod: which robot? make flash HOST=user@robot"; exit 1; }
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 
-bench: setup ## what the process uses, beside the figures kept last; what a scan and the planner link cost [KEEP=1 keeps them]
+bench: setup $(VENV)/.ready-test ## what the process uses, beside the figures kept last; what a scan, an image, the planner link and a depth frame cost [KEEP=1 keeps them]
 	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.mapping
+	@$(BIN)/python -m tools.bench.stripe
 	@$(BIN)/python -m tools.bench.link
+	@$(BIN)/python -m tools.bench.objects
 
 conformance: setup ## the conformance tests of the planner link, in process, against both receivers (C and Python)
 	@$(BIN)/python -m tools.conformance
@@ -130,10 +132,19 @@ placement: setup ## docs/terrain.md's picture: what mounts of a downward-looking
 	@$(BIN)/python -m mapod placement --fields 200 --picture docs/pictures/placement.png
 	@$(call DRAWN,placement.png,placement,tools/placement/*.py)
 
+objects: setup $(VENV)/.ready-test ## docs/objects.md's pictures: what the steps make of real frames of a depth camera
+	@$(BIN)/python -m tools.objects.pictures
+coverage-plans: setup $(VENV)/.ready-test ## docs/coverage.md's table and picture: planners on floor plans of real robots; minutes
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet "coverage-path-planner>=1.4,<2"
+	@$(BIN)/python -m tools.floorplans.table
+
 sensitivity: setup ## docs/method.md's picture: each constant halved and doubled; hours, goes on where it stopped
 	@$(BIN)/python -m tools.experiments.sensitivity --only 7 --kept sensitivity.json \
 	  --picture docs/pictures/sensitivity.png
 	@$(call DRAWN,sensitivity.png,sensitivity,tools/experiments/sensitivity.py)
+
+object-map: setup $(VENV)/.ready-objects ## docs/object-map.md's table and picture: simulated rooms against their truth; ten minutes
+	@$(BIN)/python -m tools.experiments.object_rooms --picture docs/pictures/object-map.png
 
 experiments: setup ## the paper's experiments and more, both methods: docs/experiments.md, pictures [ONLY=5.3]
 	@$(BIN)/python -m tools.experiments $(if $(ONLY),--only $(ONLY))

@@ -38,9 +38,10 @@ OF_CODE = ("co_code", "co_exceptiontable", "co_names", "co_varnames", "co_freeva
 LOAD_GLOBAL = dis.opmap["LOAD_GLOBAL"]
 VALUES = (bool, int, float, complex, str, type(None), np.generic, np.dtype)
 # no callbacks for C; a kernel goes into its callers whole: to hand over the arrays of a map, some
-# hundred words in each call, took a sixth of the time of a scan
-ASKED = {"no_cfunc_wrapper": True, "forceinline": True}
-ALLOCATING = set[FunctionType]()
+# hundred words in each call, took a sixth of the time of a scan; divisions are the processor's,
+# without a look at the divisor
+ASKED = {"no_cfunc_wrapper": True, "forceinline": True, "error_model": "numpy"}
+ALLOCATING, RELEASING = set[FunctionType](), set[FunctionType]()
 
 
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
@@ -60,8 +61,18 @@ def allocating_kernel(function: Callable[P, R]) -> Callable[P, R]:
     return _compiled(function)
 
 
+def releasing_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """A kernel that lets other threads run meanwhile: for milliseconds of work beside the loop.
+
+    In the loop itself it would cost more than it gives: who lets go may wait to go on.
+    """
+    RELEASING.add(cast(FunctionType, function))
+    return _compiled(function)
+
+
 def _compiled(function: Callable[P, R]) -> Callable[P, R]:
-    compiled = numba.njit(**ASKED, _nrt=function in ALLOCATING)(function)
+    asked = {**ASKED, "nogil": True} if function in RELEASING else ASKED
+    compiled = numba.njit(**asked, _nrt=function in ALLOCATING)(function)
     if isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT leaves the function as it is
         compiled.get_call_template = functools.partial(_call_template, compiled.get_call_template)
         compiled._cache = _OnDisk(cast(FunctionType, function))
@@ -131,6 +142,8 @@ def digest(function: FunctionType) -> str:
 def _parts(function: FunctionType) -> Iterator[str]:
     yield f"{np.__version__} {numba.config.BOUNDSCHECK} {function.__module__}"
     yield f"{ASKED} allocates: {function in ALLOCATING}"
+    if function in RELEASING:
+        yield "releases"
     codes = list(_codes(function.__code__))
     for code in codes:
         consts = [const for const in code.co_consts if not isinstance(const, CodeType)]

@@ -10,6 +10,7 @@ from core.driving.control import link_refusal
 from hw.device import NoPort, Port
 from hw.planner_link.receivers import Planners
 from hw.planner_link.sender import LinkSettings, Wire
+from hw.ports.url import CAMERAS
 from hw.ports.wires import PortUrlError, open_port, parse_url
 from hw.registry import (
     ATTITUDE_SENSORS,
@@ -78,6 +79,12 @@ def check_ports(config: Config) -> None:
             parts = parse_url(url)
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
+        if parts.kind in CAMERAS and not (
+            section == "scanner" and config.scanner.driver == "stripe"
+        ):
+            raise ConfigError(
+                f"{section}.port: {url!r} is a camera's: only scanner.driver = 'stripe' reads one"
+            )
         if parts.kind != "serial":
             continue
         if parts.bytesize != 8 and section in ("planner", "modbus"):

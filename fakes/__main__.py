@@ -46,6 +46,13 @@ def arguments() -> argparse.Namespace:
         metavar=("X_M", "Y_M", "Z_M", "TILT_DEG"),
         help="where the scanner sits on the body, and how much it looks down",
     )
+    parser.add_argument(
+        "--wheels",
+        nargs=2,
+        type=float,
+        metavar=("RADIUS_M", "TRACK_M"),
+        help="of the drive wheels, by which the robot is known; other than ragno's: the usual one",
+    )
     parser.add_argument("--ahrs-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument("--drive-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument(
@@ -80,7 +87,7 @@ def rig_of(given: argparse.Namespace, scene: "Scene") -> "Rig":
     from fakes.programs.stamps import WatchedWorld
     from fakes.world.error_models import as_the_sheets_say
     from fakes.world.rig import SCANNERS, AnyWorld, Rig, world_of
-    from fakes.world.robot import mount_from
+    from fakes.world.robot import BODY, body_with, mount_from
 
     if given.drive_mode not in MODES:
         raise ValueError(f"--drive-mode: must be one of {', '.join(MODES)}: {given.drive_mode}")
@@ -93,12 +100,13 @@ def rig_of(given: argparse.Namespace, scene: "Scene") -> "Rig":
     errors = as_the_sheets_say(scene.errors) if given.sheet_errors else None
     lens = mount_from("--lens", *given.lens) if given.lens else None
     mount = lens or SCANNERS[given.scanner].mount
+    body = body_with(*given.wheels) if given.wheels else BODY
     world: AnyWorld
     if given.stamp:
-        world = WatchedWorld(scene, seed, errors, mount)
+        world = WatchedWorld(scene, seed, errors, mount, body)
     else:
-        world = world_of(scene, seed, delay_s, errors, mount)
-    rig = Rig(world, seed, delay_s, drives=drives, scanner=given.scanner, mount=lens)
+        world = world_of(scene, seed, delay_s, errors, mount, body)
+    rig = Rig(world, seed, delay_s, drives=drives, scanner=given.scanner, mount=lens, body=body)
     rig.drive.mode = given.drive_mode
     rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
     return rig

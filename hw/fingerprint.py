@@ -39,6 +39,7 @@ OWN = {
     "lms111": {"cola-a", "cola-b"},
     "urg04lx": {"scip"},
     "stripe": {"http"},
+    "visionary": {"cola-b"},
     "mti": {"mt"},
     "ax3500": {"roboteq", "echo"},
 }

@@ -55,9 +55,10 @@ What a planner has to know:
 - `Receiver.drive` asks the robot to move, for up to a second; the sender obeys only while it knows
   nothing against it. `Receiver.external_pose` tells what a positioning system has seen.
 - `Receiver.ask_tile` asks for a rectangle of one layer: class, height, variance, slope, z, age, the
-  cause for which a cell is what it is, or for feet the way to the next edge and how good a foothold
-  it is; what gets lost is asked for again. `Receiver.ask_scan` asks for the points of the newest
-  sweep. With `poll_only` nothing is pushed, and that is all.
+  cause for which a cell is what it is, or for feet the way to the next edge, how good a foothold it
+  is, and heights filled in with their sigmas; what gets lost is asked for again.
+  `Receiver.ask_scan` asks for the points of the newest sweep. With `poll_only` nothing is pushed,
+  and that is all.
 - `Receiver.vectors` has the objects that the sender knows (outlines with heights) and the path,
   where it tells of them. `objects_state` and `path_state` say whether they may be outdated;
   `fresh_objects` leaves out what moved and was not seen for half a second. What is not in the list

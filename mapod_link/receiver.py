@@ -225,8 +225,8 @@ class Receiver:
         """A rectangle of the sender's map; it fills as `poll` asks and frames are fed.
 
         Args:
-            layer: "class", "height", "variance", "slope", "cause", "age", "z", "edge" or
-                "foothold".
+            layer: "class", "height", "variance", "slope", "cause", "age", "z", "edge",
+                "foothold", "filled", "filled_sigma" or "foothold_sigma".
             i, j: lowest column and row; of the endless grid (as `origin`), or of the window.
             width, height: cells along map x and y, together at most 160 801; else `ValueError`.
         """

@@ -18,7 +18,10 @@ from mapod_link.scans import Scans
 
 F32 = npt.NDArray[np.float32]
 TILE_HEAD = struct.Struct("<HBBhhHH3sBHH")
-LAYERS = ("class", "height", "variance", "slope", "cause", "age", "z", "edge", "foothold")
+LAYERS = (
+    *("class", "height", "variance", "slope", "cause", "age", "z", "edge", "foothold"),
+    *("filled", "filled_sigma", "foothold_sigma"),
+)
 CLASS, CAUSE = 0, 4
 NUMBERS = {  # of the other layers: type, scale, not known
     1: ("<i2", 1e-3, -32_768),
@@ -28,6 +31,9 @@ NUMBERS = {  # of the other layers: type, scale, not known
     6: ("<i2", 1e-3, -32_768),
     7: ("<u2", 1e-3, 65_535),
     8: ("<u2", 1e-4, 65_535),
+    9: ("<i2", 1e-3, -32_768),
+    10: ("<u2", 1e-4, 65_535),
+    11: ("<u2", 1e-4, 65_535),
 }
 MOST_CELLS = 401 * 401
 AT_A_TIME = 4
@@ -100,7 +106,8 @@ class Tile:
     Attributes:
         values: (height, width) float32: class 0 unknown, 1 free, 2 obstacle; height m;
             variance m^2; slope rad; cause a code (section 3), 0: not told, or not here yet;
-            age s; z m; edge m; foothold 0 to 1; NaN: not known, or not here yet.
+            age s; z m; edge m; foothold 0 to 1; filled m; both sigmas m; NaN: not
+            known, or not here yet.
         here: (height, width): which cells have been told at all.
         place: world cell (column, row) of values[0, 0], modulo 65 536; None until known.
         geom_id, cell_m: of the map that it was cut from, once a piece is here.

@@ -8,10 +8,11 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from numba.core.dispatcher import Dispatcher
 from numba.core.errors import TypingError
 
 from core.records import F64
-from jit import Settled, kernel
+from jit import COMPILED, Settled, kernel, releasing_kernel
 from tests import Patch
 from tests.support.plain_user import as_plain_user
 
@@ -247,3 +248,17 @@ def test_a_settled_kernel_does_what_the_kernel_does() -> None:
     for third in (3.0, -7.5):
         given = np.array([1.0, 2.0, third]), (third, 3)
         assert run(*given) == _summed(*given)
+
+
+def test_a_releasing_kernel_lets_go_of_the_lock_and_another_does_not() -> None:
+    def twice(x: float) -> float:
+        return 2.0 * x
+
+    holds, lets_go = kernel(twice), releasing_kernel(twice)
+    if not COMPILED:
+        return
+    assert isinstance(holds, Dispatcher)
+    assert isinstance(lets_go, Dispatcher)
+    assert "nogil" not in holds.targetoptions
+    assert lets_go.targetoptions["nogil"]
+    assert lets_go(2.0) == 4.0

@@ -22,6 +22,11 @@ def lens_of(config: Config) -> tuple[float, float, float, float]:
     return scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m, scanner.mount_tilt_deg
 
 
+def wheels_of(config: Config) -> tuple[float, float]:
+    """Radius of the drive wheels, and between their contacts (m): by them fakes know the robot."""
+    return config.robot.wheel_radius_m, config.robot.track_width_m
+
+
 def rewritten(text: str, values: Mapping[str, object]) -> str:
     """ "section.key" replaced, all else as it was. Raises NotThereError: no line of its own."""
     return _replaced(text, {key: json.dumps(value) for key, value in values.items()})

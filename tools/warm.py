@@ -1,4 +1,4 @@
-"""Compile every kernel that is not on disk yet: the app's and the simulated world's, side by side.
+"""Compile every kernel that is not on disk yet: the app's, the simulated world's, the planner's.
 
 `python -m tools.warm`. A robot needs only the app's: `main.py --warm`.
 """
@@ -31,7 +31,22 @@ def warm_world() -> None:
         Rig(load_scene(scene, 1), 1)
 
 
-PARTS: dict[str, Callable[[], None]] = {"app": warm_app, "world": warm_world}
+def warm_paths() -> None:
+    import shapely
+
+    from core.paths.coverage import plan_coverage
+    from core.paths.records import Machine
+
+    hall = shapely.box(0.0, 0.0, 3.0, 2.0) - shapely.box(1.3, 0.5, 1.5, 2.0)
+    machine = Machine(radius_m=0.15, clearance_m=0.0, width_m=0.3, overlap_m=0.0)
+    plan_coverage(hall, machine, start=(0.3, 0.3), dock=(2.5, 1.5))
+
+
+PARTS: dict[str, Callable[[], None]] = {
+    "app": warm_app,
+    "world": warm_world,
+    "paths": warm_paths,
+}
 
 
 class Progress(event.Listener):

@@ -3,7 +3,9 @@
 Of heights alone, for planners of legged robots; nothing is kept, and who asks for some cells pays
 for these alone. An edge is a difference of heights, whatever lies between: a ramp counts as one
 where it has risen by the bound. Refuses to guess: a foot that would touch a cell that is not known,
-soft, or outside of the map gets no foothold told, and a cell that is not known is no edge.
+soft, or outside of the map gets no foothold told, and a cell that is not known is no edge. A height
+that was filled in is known as far as it can hide no edge: off by GATE sigmas, it still is none. But
+the middle of a foot and half of the cells under it, at least, must have been measured.
 Source: foothold scores by slope, roughness and step as Wermelinger et al., Navigation planning for
 legged robots in challenging terrain, 2016; distance to edges as Jenelten et al., TAMOLS, 2022.
 """
@@ -16,12 +18,13 @@ import numpy as np
 import numpy.typing as npt
 
 from core.grid.ring import RingGrid
+from core.mapping.surface.constants import GATE
 from core.records import F64, I64
 from jit import kernel
 
 F32 = npt.NDArray[np.float32]
 
-FOOTING = ("edge", "foothold")
+FOOTING = ("edge", "foothold", "foothold_sigma")
 NEIGHBOURS = 0.71  # cells: a plane needs those beside a cell and across, however small the foot
 
 
@@ -46,6 +49,7 @@ class Ground(NamedTuple):
     grid: RingGrid
     z_m: F64  # (size, size) highest, map frame; NaN: not known, or soft
     low_m: F64  # (size, size) lowest: below `z_m` where a beam was under the ground
+    sigma_m: F64  # (size, size) 1 sigma of heights that were filled in; 0: measured
 
 
 class Near(NamedTuple):
@@ -129,35 +133,45 @@ def _foothold(
     own: int,
     corner: tuple[int, int],
     size: int,
-    heights: tuple[F64, F64],
+    heights: tuple[F64, F64, F64],
     under: Near,
     cell_m: float,
     footing: Footing,
-) -> float:
-    """Of a foot on one cell; the plane under it is the simpler as it touches cells all around."""
-    z_m, low_m = heights
+) -> tuple[float, float]:
+    """Of a foot on one cell, and the largest sigma under it.
+
+    The plane under it is the simpler as it touches cells all around.
+    """
+    z_m, low_m, sigma_m = heights
     di, dj, n = under.di, under.dj, 1 + under.di.size
-    z, most_m = z_m[own], z_m[own] - low_m[own]
+    z, sigma, most_m = z_m[own], sigma_m[own], z_m[own] - low_m[own]
     sz = szz = sxz = syz = sxx = 0.0
-    if math.isnan(z):
-        return math.nan
+    if math.isnan(z) or sigma > 0.0:
+        return math.nan, math.nan
+    hidden_m, largest_m, measured = 0.0, 0.0, 1
     low = _from_corner(own, corner, size)
     for k in range(di.size):
         at = _index(own, di[k], dj[k], low, size)
         if at < 0 or math.isnan(z_m[at]):
-            return math.nan
-        up = z_m[at] - z
-        most_m = max(most_m, abs(up), abs(low_m[at] - z))
+            return math.nan, math.nan
+        up, off_m = z_m[at] - z, GATE * sigma_m[at]
+        measured += off_m == 0.0
+        step_m, largest_m = max(abs(up), abs(low_m[at] - z)), max(largest_m, sigma_m[at])
+        if off_m == 0.0:
+            most_m = max(most_m, step_m)
+        hidden_m = max(hidden_m, step_m + off_m)
         sz, szz = sz + up, szz + up * up
         sxz, syz, sxx = sxz + di[k] * up, syz + dj[k] * up, sxx + di[k] * di[k]
     if most_m > footing.step_m:
-        return 0.0
+        return 0.0, largest_m
+    if hidden_m > footing.step_m or 2 * measured < n:
+        return math.nan, math.nan
     a, b = sxz / sxx, syz / sxx
     off = szz / n - (sz / n) ** 2 - (a * sxz + b * syz) / n
     slope_rad = math.atan(math.hypot(a, b) / cell_m)
     is_level = _share(slope_rad, footing.level_rad, footing.steep_rad)
     is_smooth = _share(math.sqrt(max(0.0, off)), footing.smooth_m, footing.rough_m)
-    return min(is_level, is_smooth)
+    return min(is_level, is_smooth), largest_m
 
 
 @kernel
@@ -165,14 +179,17 @@ def _judge_footholds(
     listed: I64,
     corner: tuple[int, int],
     size: int,
-    heights: tuple[F64, F64],
+    heights: tuple[F64, F64, F64],
     under: Near,
     cell_m: float,
     footing: Footing,
     footholds: F64,
+    sigmas_m: F64,
 ) -> None:
     for k in range(listed.size):
-        footholds[k] = _foothold(listed[k], corner, size, heights, under, cell_m, footing)
+        footholds[k], sigmas_m[k] = _foothold(
+            listed[k], corner, size, heights, under, cell_m, footing
+        )
 
 
 def footing_of(name: str, ground: Ground, at: I64, footing: Footing) -> F64:
@@ -181,11 +198,13 @@ def footing_of(name: str, ground: Ground, at: I64, footing: Footing) -> F64:
     Returns:
         (n,) "edge": m from the cell's centre to that of the nearest known cell whose height differs
         from its own by more than `step_m`, or under whose ground a beam was so low; 0: its own is
-        so; `reach_m`: none is nearer. "foothold": 1 level and smooth, 0 an edge, steep or rough.
-        NaN: not known.
+        so; `reach_m`: none is nearer. "foothold": 1 level and smooth, 0 an edge, steep or rough;
+        "foothold_sigma": m, the largest 1 sigma of the heights under that foot, 0 where all were
+        measured. NaN: not known.
     """
     grid, cell_m, found = ground.grid, ground.grid.cell_m, np.empty(at.size)
     corner, heights = (grid.corner_i, grid.corner_j), (ground.z_m.ravel(), ground.low_m.ravel())
+    sigmas_m = np.empty(at.size)
     foot = Footing(*map(float, footing))
     if name == "edge":
         near = near_within(footing.reach_m, cell_m, False)
@@ -193,8 +212,9 @@ def footing_of(name: str, ground: Ground, at: I64, footing: Footing) -> F64:
     else:
         foot_m = max(footing.radius_m, NEIGHBOURS * cell_m)
         under = near_within(foot_m, cell_m, True)
-        _judge_footholds(at, corner, grid.size, heights, under, cell_m, foot, found)
-    return found
+        told = (*heights, ground.sigma_m.ravel())
+        _judge_footholds(at, corner, grid.size, told, under, cell_m, foot, found, sigmas_m)
+    return sigmas_m if name == "foothold_sigma" else found
 
 
 def cells_within(grid: RingGrid, at: I64, reach_m: float) -> I64:

@@ -14,7 +14,7 @@ import numpy as np
 from core.grid.ring import RingGrid, cells_about
 from core.grid.window import ObstacleWindow, Shown, put_state
 from core.records import F64, FREE, UNKNOWN
-from jit import kernel
+from jit import Settled, kernel
 
 SWEEP_S = 1.0  # by so much may free ground be older than the settings say: the least age they allow
 
@@ -35,14 +35,16 @@ def _cover(
     x, y, hx, hy = place
     reach = math.hypot(max(footprint[0], footprint[1]), footprint[2])
     low_i, low_j, count = cells_about(x, y, reach, cell_m)
-    for j in range(low_j, low_j + count):
-        for i in range(low_i, low_i + count):
-            if not (0 <= i - window[0] < size and 0 <= j - window[1] < size):
-                continue
-            dx, dy = (i + 0.5) * cell_m - x, (j + 0.5) * cell_m - y
+    first_i, end_i = max(low_i, window[0]), min(low_i + count, window[0] + size)
+    for j in range(max(low_j, window[1]), min(low_j + count, window[1] + size)):
+        row, dy = j % size * size, (j + 0.5) * cell_m - y
+        column = first_i % size
+        for i in range(first_i, end_i):
+            dx = (i + 0.5) * cell_m - x
             ahead, aside = hx * dx + hy * dy, hx * dy - hy * dx
             if -footprint[1] <= ahead <= footprint[0] and abs(aside) <= footprint[2]:
-                seen_s[(j % size) * size + i % size] = t_s
+                seen_s[row + column] = t_s
+            column = column + 1 if column + 1 < size else 0  # no division for each of fine cells
 
 
 @kernel
@@ -73,6 +75,7 @@ class Freshness:
         self.seen_s: F64 = grid.layer(np.float64, -math.inf).ravel()
         self.now_s, self._passed_s = -math.inf, math.inf
         self._row = 0
+        self._cover, self._expire = Settled(_cover), Settled(_expire)
 
     @property
     def oldest_s(self) -> float:
@@ -90,13 +93,13 @@ class Freshness:
         self._passed_s, self.now_s = t_s - self.now_s, t_s
         grid = self._grid
         window = (grid.corner_i, grid.corner_j, grid.size, grid.cell_m)
-        _cover(self.seen_s, window, (x_m, y_m, *heading), self._footprint, t_s)
+        self._cover(self.seen_s, window, (x_m, y_m, *heading), self._footprint, t_s)
 
     def expire(self, window: ObstacleWindow) -> None:
         """Tell what has become too old as unknown, in so many rows as are due."""
         size = window.grid.size
         rows = math.ceil(size * min(self._passed_s / SWEEP_S, 1.0))
-        window.used = _expire(
+        window.used = self._expire(
             self.seen_s,
             self.oldest_s,
             self._grid.size,

@@ -17,8 +17,10 @@ from core.grid.window import ObstacleWindow
 from core.mapping.footing import FOOTING, USUAL, Footing, Ground, cells_within, footing_of
 from core.mapping.surface.cells import Cells
 from core.mapping.surface.constants import LIKELY
+from core.mapping.surface.fill import WAYS, fill
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.records import F64, I64, UNKNOWN
+from jit import with_fields
 
 UNITS = {  # every layer there is
     "height": "m",  # above the ground: measured (`surface`) or expected (`reference_plane`)
@@ -29,10 +31,14 @@ UNITS = {  # every layer there is
     "roughness": "m",  # rms, off the plane through them
     "edge": "m",  # to the nearest known cell that is a step away, up to a reach
     "foothold": "",  # 1: a foot stands there level and smooth, without an edge; 0: it would not
+    "foothold_sigma": "m",  # of the heights under that foot, the largest 1 sigma; 0: all measured
+    "filled": "m",  # as `z`; where nothing was measured by what lies around
+    "filled_sigma": "m",  # 1 sigma of that, which grows with the distance to what was measured
     "soft": "",  # 1: beams go into what stands there; 0: they do not, or nothing stands there
     "state": "",  # OBSTACLE or FREE
 }
-SURFACE = UNITS.keys() - {"state", *FOOTING}  # those that method `surface` has of its own
+FILL = ("filled", "filled_sigma")
+SURFACE = UNITS.keys() - {"state", *FOOTING, *FILL}  # those that method `surface` has of its own
 ON_ASKING = ("cause", "age")  # only of some cells: a code of `causes.py`; s, at the newest scan
 Pick = Callable[[I64], F64]  # values (n,) at flat indices (n,) of a ring; NaN: not known
 RingLayer = tuple[RingGrid, Pick]
@@ -89,6 +95,8 @@ class Layered(Protocol):
 
     def ground_at(self, at: I64) -> Ground: ...
 
+    def filled_at(self, at: I64) -> Ground: ...
+
     def causes(self, i: I64, j: I64) -> F64: ...
 
     def ages_s(self, i: I64, j: I64) -> F64: ...
@@ -107,15 +115,40 @@ def _maybe_footing(maps: Layered, name: str, footing: Footing) -> RingLayer | No
         return None
 
     def told(at: I64) -> F64:
-        ground = maps.ground_at(cells_within(grid, at, max(footing.reach_m, footing.radius_m)))
+        if name == "edge":
+            ground = maps.ground_at(cells_within(grid, at, footing.reach_m))
+        else:
+            ground = maps.filled_at(cells_within(grid, at, footing.radius_m))
         return footing_of(name, ground, at, footing)
 
     return grid, told
 
 
+def _maybe_filled(maps: Layered, name: str) -> RingLayer | None:
+    grid, variance = maps.maybe_ground_grid(), maps.maybe_ring("variance")
+    if grid is None or variance is None:
+        return None
+
+    def told(at: I64) -> F64:
+        ground = maps.filled_at(at)
+        z_m, sigma_m = ground.z_m.ravel()[at], ground.sigma_m.ravel()[at]
+        if name == "filled":
+            return z_m
+        measured_m = np.sqrt(variance[1](at))
+        return np.where(np.isnan(z_m), np.nan, np.where(sigma_m > 0.0, sigma_m, measured_m))
+
+    return grid, told
+
+
+def _maybe_any(maps: Layered, name: str, footing: Footing) -> RingLayer | None:
+    if name in FILL:
+        return _maybe_filled(maps, name)
+    return _maybe_footing(maps, name, footing) if name in FOOTING else _maybe_ring(maps, name)
+
+
 def maybe_layer(maps: Layered, name: str, *, footing: Footing = USUAL) -> LayerView | None:
     """A layer by its name in `UNITS`; none where the method has none."""
-    ring = _maybe_footing(maps, name, footing) if name in FOOTING else _maybe_ring(maps, name)
+    ring = _maybe_any(maps, name, footing)
     return None if ring is None else view_of(name, *ring)
 
 
@@ -125,7 +158,7 @@ def maybe_values(
     """What a layer, or one of `ON_ASKING`, holds at world cells i, j (n,); NaN: not known."""
     if name in ON_ASKING:
         return maps.causes(i, j) if name == "cause" else maps.ages_s(i, j)
-    ring = _maybe_footing(maps, name, footing) if name in FOOTING else _maybe_ring(maps, name)
+    ring = _maybe_any(maps, name, footing)
     return None if ring is None else at_cells(ring[0], i, j, ring[1])
 
 
@@ -149,10 +182,19 @@ def surface_ground(cells: Cells, static_rad: F64, grid: RingGrid, at: I64) -> Gr
 
     Of the cells at flat indices (n,); NaN elsewhere.
     """
-    of, z_m, low_m = cells.reshape(-1)[at], np.full(cells.size, np.nan), np.full(cells.size, np.nan)
+    of, (z_m, low_m) = cells.reshape(-1)[at], np.full((2, cells.size), np.nan)
     z_m[at] = np.where(_is_soft(of), np.nan, heights_of(of, static_rad))
     low_m[at] = z_m[at] + np.minimum(0.0, of["under_m"])
-    return Ground(grid, z_m.reshape(cells.shape), low_m.reshape(cells.shape))
+    measured = np.zeros(cells.shape)
+    return Ground(grid, z_m.reshape(cells.shape), low_m.reshape(cells.shape), measured)
+
+
+def filled_ground(cells: Cells, static_rad: F64, grid: RingGrid, h_pos_m: float, at: I64) -> Ground:
+    """The same, with heights of cells that were not measured, as far as `fill` tells them."""
+    (z_m, low_m), sigma_m = np.full((2, cells.size), np.nan), np.zeros(cells.size)
+    flat, room = with_fields(cells.reshape(-1)), np.zeros((WAYS, 3))
+    fill(at, flat, static_rad, grid.ring, h_pos_m, room, z_m, low_m, sigma_m)
+    return Ground(grid, *(part.reshape(cells.shape) for part in (z_m, low_m, sigma_m)))
 
 
 def _is_soft(cells: Cells) -> npt.NDArray[np.bool_]:

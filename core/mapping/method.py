@@ -44,6 +44,9 @@ class Maps(Protocol):
     def ground_at(self, at: I64) -> Ground:
         """Those heights at flat indices (n,) of that grid; NaN elsewhere."""
 
+    def filled_at(self, at: I64) -> Ground:
+        """The same, and at those cells what was filled in, if the method tells how surely."""
+
     def causes(self, i: I64, j: I64) -> F64:
         """Codes (n,) of `core.mapping.causes`: why the window shows what it does at world cells."""
 

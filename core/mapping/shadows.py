@@ -20,37 +20,49 @@ from jit import Settled, kernel
 NOTHING_M = 0.0  # range of a beam that came back and tells nothing; one that did not has NaN
 
 
+IN_LINE, DROPPED = 1, 2  # bits of a beam: another stands in its line; it goes itself
+
+
 @kernel
-def _is_shadowed(near_m: float, far_m: float, apart_rad: float, least_rad: float) -> bool:
-    """Whether the line from one reading to another runs along the beam of the first."""
-    across, along = far_m * math.sin(apart_rad), near_m - far_m * math.cos(apart_rad)
-    angle = math.atan2(abs(across), along)
-    return angle < least_rad or angle > math.pi - least_rad
+def _mark_lines(
+    ranges_m: F64, apart: int, step_rad: float, least: tuple[float, float], marks: U8
+) -> None:
+    """Mark the beams whose line to the reading `apart` beams on runs along their own way.
+
+    least: sine and cosine of the angle between both.
+    """
+    sine, cosine = math.sin(abs(apart) * step_rad), math.cos(abs(apart) * step_rad)
+    for i in range(max(0, -apart), min(ranges_m.size, ranges_m.size - apart)):
+        near_m, far_m = ranges_m[i], ranges_m[i + apart]
+        across, along = abs(far_m * sine), abs(near_m - far_m * cosine)
+        if near_m > 0.0 and far_m > 0.0 and across * least[1] < along * least[0]:
+            marks[i] |= IN_LINE
 
 
 @kernel
 def drop_shadows(
-    given_m: F64, step_rad: float, least_rad: float, window: int, out_m: F64, dropped: U8
+    given_m: F64, step_rad: float, least_rad: float, window: int, out_m: F64, marks: U8
 ) -> None:
     """Fill out_m (echoes, n) with given_m, each row without what lies in the shadow of an edge.
 
     For each beam, each other within `window` of it is looked at; of a pair in a line go all within
-    `window` of the beam that are farther than its own. dropped (n,): room.
+    `window` of the beam that are farther than its own. marks (n,): room.
     """
     rows, n = given_m.shape
+    least = math.sin(least_rad), math.cos(least_rad)
     for row in range(rows):
         ranges_m = given_m[row]
-        dropped[:n] = 0
+        marks[:n] = 0
+        for apart in range(1, window + 1):
+            _mark_lines(ranges_m, apart, step_rad, least, marks)
+            _mark_lines(ranges_m, -apart, step_rad, least, marks)
         for i in range(n):
-            first, end = max(0, i - window), min(n, i + window + 1)
-            for j in range(first, end):
-                if i == j or not (ranges_m[i] > 0.0 and ranges_m[j] > 0.0):
-                    continue
-                if _is_shadowed(ranges_m[i], ranges_m[j], abs(j - i) * step_rad, least_rad):
-                    for k in range(first, end):
-                        dropped[k] |= ranges_m[k] > ranges_m[i]
+            if marks[i] & IN_LINE != 0:
+                for k in range(max(0, i - window), min(n, i + window + 1)):
+                    if ranges_m[k] > ranges_m[i]:
+                        marks[k] |= DROPPED
         for k in range(n):
-            out_m[row, k] = NOTHING_M if dropped[k] else ranges_m[k]
+            out_m[row, k] = NOTHING_M if marks[k] & DROPPED != 0 else ranges_m[k]
 
 
 class ShadowFilter:
@@ -63,7 +75,7 @@ class ShadowFilter:
             return
         self._least_rad, self._beams = math.radians(given.angle_deg), given.beams
         self._ranges_m = np.zeros(spec.echoes * spec.max_beams)
-        self._dropped: U8 = np.zeros(spec.max_beams, dtype=np.uint8)
+        self._marks: U8 = np.zeros(spec.max_beams, dtype=np.uint8)
         self._drop = Settled(drop_shadows)
 
     def cleaned(self, scan: Scan | PointSweep) -> Scan | PointSweep:
@@ -77,5 +89,5 @@ class ShadowFilter:
         given_m = np.ascontiguousarray(scan.ranges_m, np.float64)
         out_m = self._ranges_m[: given_m.size].reshape(given_m.shape)
         step_rad = abs(scan.step_rad)
-        self._drop(given_m, step_rad, self._least_rad, self._beams, out_m, self._dropped)
+        self._drop(given_m, step_rad, self._least_rad, self._beams, out_m, self._marks)
         return msgspec.structs.replace(scan, ranges_m=out_m)

@@ -2,8 +2,8 @@
 
 What is not to be trusted is held back: no free cell is told then, and no height, variance, slope, z
 or age but those of obstacles, for a planner that reads heights would take low ground for free; the
-cause of all other cells is the input that is not to be trusted. Nor are edges, footholds or a sweep
-told then.
+cause of all other cells is the input that is not to be trusted. Nor are edges, footholds, heights
+that were filled in, or a sweep told then.
 Source: planner link, section 3 (TILE, SCAN).
 """
 
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from core.config import Scanner
 from core.mapping.causes import NOT_MAPPED, OUTSIDE
 from core.mapping.footing import FOOTING
+from core.mapping.layers import FILL
 from core.mapping.mapper import Mapper
 from core.mapping.rays import BeamGeometry, span_s
 from core.records import OBSTACLE, SweepPoints
@@ -43,7 +44,8 @@ class TileValues:
         Args:
             layer: "state" (OBSTACLE, FREE), "height" (m), "variance" (m2), "slope" (rad), "cause"
                 (of `core.mapping.causes`), "age" (s since a beam met or passed it), "z" (m),
-                "edge" (m), "foothold" (0..1; both of a usual foot).
+                "edge" (m), "foothold" (0..1), "foothold_sigma" (m; all three of a usual foot),
+                "filled" (m), "filled_sigma" (m).
 
         Returns:
             (count,); NaN: not known. None: this method has no such layer.
@@ -55,7 +57,7 @@ class TileValues:
             return None
         if layer == "age":
             values = values + max(0.0, self.now_s - mapper.maps.fresh.now_s)
-        if self.doubt and layer in FOOTING:
+        if self.doubt and layer in (*FOOTING, *FILL):
             values = np.full(count, np.nan)  # a foothold on an obstacle says that it can be trodden
         elif self.doubt:
             states = mapper.maybe_values("state", column, row)

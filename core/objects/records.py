@@ -25,8 +25,8 @@ class FrameObjects(NamedTuple):
 
     at_s: float  # the frame's own time, host monotonic
     origin: tuple[float, float]  # m, the lens over the floor
-    view: (
-        Floats  # (n, 2) m, counter-clockwise, star-shaped around `origin`: what rays passed through
-    )
+    # (n, 2) m, counter-clockwise: what rays passed through down to the floor. Each bearing from
+    # `origin` has one stretch of it, from where floor is seen first: `origin` itself lies outside
+    view: Floats
     detections: tuple[Detection, ...]
     walls: Floats  # (n, 4) m: segments x1, y1, x2, y2 of long upright planes

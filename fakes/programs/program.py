@@ -4,6 +4,7 @@
     python -m fakes.programs.mti --link $HOME/mti --scene turning
     python -m fakes.programs.ax3500 --link $HOME/ax3500 --mode rc --fault emergency_stop@5s-8s
     python -m fakes.programs.stripe --port 8080 --fault ambient=sun@10s
+    python -m fakes.programs.visionary --fault stream.cut@5s-6s
 
 One line of JSON on the standard output says where it is; what happens is told on the standard
 error. It serves in real time until SIGINT, SIGTERM or its time is up. Source: the devices' sheets.

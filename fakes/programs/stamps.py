@@ -14,7 +14,7 @@ from typing import Any
 
 from fakes.scenes.scene import Scene
 from fakes.world.error_models import ErrorModels
-from fakes.world.robot import MOUNT, Mount
+from fakes.world.robot import BODY, MOUNT, Body, Mount
 from fakes.world.world import F64, World
 
 KEPT = 64  # instants that are not on the wire yet
@@ -30,9 +30,10 @@ class WatchedWorld(World):
         seed: int,
         errors: ErrorModels | None = None,
         mount: Mount = MOUNT,
+        body: Body = BODY,
     ) -> None:
         self.swept_s: deque[float] = deque(maxlen=KEPT)  # last beam of each sweep
-        super().__init__(scene, seed, errors, mount)
+        super().__init__(scene, seed, errors, mount, body)
         self.swept_s.clear()  # it has looked at itself, to warm up
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:

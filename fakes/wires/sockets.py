@@ -106,7 +106,7 @@ class TcpWire(Disturbance):
             connection.close()
             return
         for data in connection.late.take(now_s):
-            if len(connection.unsent) + len(data) > TCP_BACKLOG:
+            if len(connection.unsent) + len(data) > getattr(self._fake, "backlog", TCP_BACKLOG):
                 self.lost += len(data)
             else:
                 connection.unsent += data

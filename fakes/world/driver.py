@@ -29,6 +29,7 @@ class Driver:
         waypoints: (x, y) metres, map frame, taken in order, over and over; none: stands still.
             A third number is the speed on the way there, m/s.
         speed_mps: where a waypoint does not say it.
+        track_m: between the wheels.
     """
 
     def __init__(
@@ -38,10 +39,11 @@ class Driver:
         waypoints: Sequence[tuple[float, ...]],
         speed_mps: float,
         start_delay_s: float,
+        track_m: float = TRACK_WIDTH_M,
     ) -> None:
         self._pose, self._command = pose, command
         self._waypoints, self._speed_mps = list(waypoints), speed_mps
-        self._delay_s = start_delay_s
+        self._delay_s, self._track_m = start_delay_s, track_m
         self._due_s: float | None = None
         self._v_mps = self._w_radps = 0.0
         self._turning = False
@@ -61,7 +63,7 @@ class Driver:
         v_mps, w_radps = self._wanted()
         self._v_mps = _towards(self._v_mps, v_mps, ACCELERATION_MPS2 * PERIOD_S)
         self._w_radps = _towards(self._w_radps, w_radps, TURN_RADPS2 * PERIOD_S)
-        rim_mps = self._w_radps * TRACK_WIDTH_M / 2
+        rim_mps = self._w_radps * self._track_m / 2
         self._command(_power(self._v_mps - rim_mps), _power(self._v_mps + rim_mps))
 
     def _wanted(self) -> tuple[float, float]:

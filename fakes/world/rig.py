@@ -19,7 +19,7 @@ from fakes.urg04lx.device import FakeUrg04lx
 from fakes.world.driver import Driver
 from fakes.world.error_models import ErrorModels
 from fakes.world.kinematic import KinematicWorld
-from fakes.world.robot import MOUNT, Mount
+from fakes.world.robot import BODY, MOUNT, Body, Mount
 from fakes.world.trajectory import Gait, laps, walking
 from fakes.world.world import F64, World
 
@@ -55,11 +55,12 @@ def world_of(
     start_delay_s: float,
     errors: ErrorModels | None,
     mount: Mount,
+    body: Body = BODY,
 ) -> AnyWorld:
     """A scene's world: of physics, or of a robot that walks through it. `errors`: see `Rig`."""
     scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
     if not scene.walks:
-        return World(scene, seed, errors, mount)
+        return World(scene, seed, errors, mount, body)
     way = laps(scene.waypoints, scene.speed_mps, WALKER_TURN_RADPS, start_delay_s)
     scene = scene if errors is None else replace(scene, errors=errors)
     walk = walking(way, GAIT, start_delay_s)
@@ -81,6 +82,7 @@ class Rig:
         errors: instead of the scene's own; a world that is ready keeps its own.
         scanner: one of `SCANNERS`.
         mount: of its lens; None: that of `SCANNERS`. A world that is ready keeps its own.
+        body: of the robot. A world that is ready keeps its own, and must have this one.
     """
 
     def __init__(
@@ -92,13 +94,14 @@ class Rig:
         errors: ErrorModels | None = None,
         scanner: str = DEFAULT_SCANNER,
         mount: Mount | None = None,
+        body: Body = BODY,
     ) -> None:
         on_robot = SCANNERS[scanner]
         self.world: AnyWorld
         if isinstance(scene, AnyWorld):
             self.world = scene
         else:
-            self.world = world_of(scene, seed, start_delay_s, errors, mount or on_robot.mount)
+            self.world = world_of(scene, seed, start_delay_s, errors, mount or on_robot.mount, body)
         self.scanner: Any = on_robot.make(self, seed)
         if mount is not None and isinstance(self.scanner, FakeStripe):  # looks with its own lens
             self.scanner.mount_m, self.scanner.tilt_deg = mount[:3], mount.tilt_deg
@@ -119,6 +122,7 @@ class Rig:
             route.waypoints if drives and self.world.obeys else (),
             route.speed_mps,
             start_delay_s,
+            body.track_width_m,
         )
 
     def ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:

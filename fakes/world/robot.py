@@ -1,4 +1,4 @@
-"""The robot of the world: a two-wheel drive on casters, and the MuJoCo model around it.
+"""The robots of the world: two-wheel drives on casters, and the MuJoCo model around one.
 
 Wheels are spheres: a cylinder wheel stalls for ever at an edge of 3 cm. They turn as wheels do,
 about an axle. The robot's body frame is the frame of its MuJoCo body: x forward, y left, z up,
@@ -11,18 +11,82 @@ from typing import NamedTuple
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import mjcf_from_solids
 
-WHEEL_RADIUS_M = 0.15
-TRACK_WIDTH_M = 0.50
 MAX_SPEED_MPS = 1.0  # at the rim, full power
 COUNTS_PER_TURN = 2000  # 500 pulses, quadrature, encoder on the wheel's own axle
 LENS_BODY_M = (0.25, 0.0, 1.08)
-AHRS_BODY_M = (0.0, 0.0, 0.30)
-CASTER_BODY_M = (0.40, 0.16, 0.12)  # the left one
-CASTER_RADIUS_M = 0.12
 LENS_TILT_DEG = 7.5  # looking down
-CASTER_LOAD_N = 9.81 * ((36 * 0.13 + 2 * 0.5 * 0.40) / 0.40 / 2 - 0.5)  # on each spring, at rest
+HALF_LENGTH_M, HALF_WIDTH_M = 0.52, 0.30  # of the usual one, from the axle: must clear things
+SPRING_N_M, CASTER_KG = 6000.0, 0.5  # of each caster
 STEP_S, STEPS = 0.0025, 2  # of physics, as stiff contacts want it; so many between two rows
-HALF_LENGTH_M, HALF_WIDTH_M = 0.52, 0.30  # from the axle's middle: what must clear things
+
+
+class Body(NamedTuple):
+    """What a robot is made of; lengths in its own frame."""
+
+    wheel_radius_m: float
+    track_width_m: float  # between the wheels' contacts
+    caster_x_m: float
+    caster_y_m: float  # to either side
+    caster_radius_m: float
+    mass_kg: float  # without wheels and casters
+    mass_at_m: tuple[float, float, float]
+    inertia_kgm2: tuple[float, float, float]
+    chassis_at_m: tuple[float, float, float]
+    chassis_half_m: tuple[float, float, float]
+    mast_at_m: tuple[float, float, float]
+    mast_half_m: float  # of its height
+    ahrs_m: tuple[float, float, float]
+
+    @property
+    def sag_m(self) -> float:
+        """By which each caster's spring is pressed at rest."""
+        on_both_kg = (self.mass_kg * self.mass_at_m[0]) / self.caster_x_m + 2 * CASTER_KG
+        return 9.81 * (on_both_kg / 2 - CASTER_KG) / SPRING_N_M
+
+
+BODY = Body(
+    wheel_radius_m=0.15,
+    track_width_m=0.50,
+    caster_x_m=0.40,
+    caster_y_m=0.16,
+    caster_radius_m=0.12,
+    mass_kg=36.0,
+    mass_at_m=(0.13, 0.0, 0.30),
+    inertia_kgm2=(1.6, 2.6, 2.4),
+    chassis_at_m=(0.16, 0.0, 0.24),
+    chassis_half_m=(0.34, 0.18, 0.10),
+    mast_at_m=(0.20, 0.0, 0.68),
+    mast_half_m=0.35,
+    ahrs_m=(0.0, 0.0, 0.30),
+)
+SMALL = Body(  # as robots/ragno.toml has it: 0.5 m long, 0.4 m wide, 0.6 m high
+    wheel_radius_m=0.06,
+    track_width_m=0.28,
+    caster_x_m=0.18,
+    caster_y_m=0.10,
+    caster_radius_m=0.05,
+    mass_kg=9.0,
+    mass_at_m=(0.05, 0.0, 0.14),
+    inertia_kgm2=(0.12, 0.22, 0.26),
+    chassis_at_m=(0.0, 0.0, 0.16),
+    chassis_half_m=(0.25, 0.14, 0.07),
+    mast_at_m=(0.20, 0.0, 0.41),
+    mast_half_m=0.19,
+    ahrs_m=(0.0, 0.0, 0.15),
+)
+WHEEL_RADIUS_M, TRACK_WIDTH_M = BODY.wheel_radius_m, BODY.track_width_m
+CASTER_BODY_M = (BODY.caster_x_m, BODY.caster_y_m, BODY.caster_radius_m)  # the left one
+CASTER_RADIUS_M, AHRS_BODY_M = BODY.caster_radius_m, BODY.ahrs_m
+SAME_M = 1e-6
+
+
+def body_with(wheel_radius_m: float, track_width_m: float) -> Body:
+    """The robot that has these wheels; the usual one, if none has."""
+    for body in (BODY, SMALL):
+        wheels_m = body.wheel_radius_m - wheel_radius_m, body.track_width_m - track_width_m
+        if max(map(abs, wheels_m)) < SAME_M:
+            return body
+    return BODY
 
 
 class Mount(NamedTuple):
@@ -68,10 +132,10 @@ MODEL = """
         <joint type="hinge" axis="0 1 0" armature="0.02" damping="0.02"/>
       </default>
       <default class="caster">
-        <geom type="sphere" size="0.12" contype="2" conaffinity="1" mass="0.5"
+        <geom type="sphere" size="{caster_radius}" contype="2" conaffinity="1" mass="{caster_kg}"
               friction="0 0 0" condim="1" priority="1"
               solref="0.006 1" solimp="0.97 0.99 0.001"/>
-        <joint type="slide" axis="0 0 1" stiffness="6000" damping="220" springref="{sag_m}"
+        <joint type="slide" axis="0 0 1" stiffness="{spring}" damping="220" springref="{sag_m}"
                range="-0.015 0.015"/>
       </default>
     </default>
@@ -83,11 +147,11 @@ MODEL = """
 {geoms}
     <body name="robot" pos="0 0 0">
       <freejoint/>
-      <inertial pos="0.13 0 0.30" mass="36" diaginertia="1.6 2.6 2.4"/>
-      <geom class="robot" name="chassis" type="box" pos="0.16 0 0.24" size="0.34 0.18 0.10"
+      <inertial pos="{mass_at}" mass="{mass_kg}" diaginertia="{inertia}"/>
+      <geom class="robot" name="chassis" type="box" pos="{chassis_at}" size="{chassis_half}"
             contype="2" conaffinity="1"/>
-      <geom class="robot" name="mast" type="cylinder" pos="0.20 0 0.68" size="0.03 0.35"/>
-      <site name="ahrs" pos="0 0 0.30"/>
+      <geom class="robot" name="mast" type="cylinder" pos="{mast_at}" size="0.03 {mast_half}"/>
+      <site name="ahrs" pos="{ahrs}"/>
       <body name="left" pos="0 {half_track} {radius}">
         <joint class="wheel" name="left"/>
         <geom class="wheel" name="left"/>
@@ -96,11 +160,11 @@ MODEL = """
         <joint class="wheel" name="right"/>
         <geom class="wheel" name="right"/>
       </body>
-      <body name="left caster" pos="0.40 0.16 0.12">
+      <body name="left caster" pos="{caster_x} {caster_y} {caster_radius}">
         <joint class="caster"/>
         <geom class="caster"/>
       </body>
-      <body name="right caster" pos="0.40 -0.16 0.12">
+      <body name="right caster" pos="{caster_x} -{caster_y} {caster_radius}">
         <joint class="caster"/>
         <geom class="caster"/>
       </body>
@@ -118,15 +182,32 @@ MODEL = """
 """
 
 
-def mjcf(scene: Scene) -> str:
-    """The MuJoCo model, as XML, of the robot at the origin of a scene."""
+def mjcf(scene: Scene, body: Body = BODY) -> str:
+    """The MuJoCo model, as XML, of a robot at the origin of a scene."""
+
+    def told(place: tuple[float, ...]) -> str:
+        return " ".join(map(str, place))
+
     assets, geoms = mjcf_from_solids(scene.firm)
     return MODEL.format(
         name=scene.name,
         step_s=STEP_S,
-        radius=WHEEL_RADIUS_M,
-        sag_m=-CASTER_LOAD_N / 6000,
-        half_track=TRACK_WIDTH_M / 2,
+        radius=body.wheel_radius_m,
+        sag_m=-body.sag_m,
+        half_track=body.track_width_m / 2,
+        spring=SPRING_N_M,
+        caster_kg=CASTER_KG,
+        caster_x=body.caster_x_m,
+        caster_y=body.caster_y_m,
+        caster_radius=body.caster_radius_m,
+        mass_at=told(body.mass_at_m),
+        mass_kg=body.mass_kg,
+        inertia=told(body.inertia_kgm2),
+        chassis_at=told(body.chassis_at_m),
+        chassis_half=told(body.chassis_half_m),
+        mast_at=told(body.mast_at_m),
+        mast_half=body.mast_half_m,
+        ahrs=told(body.ahrs_m),
         assets=assets,
         geoms=geoms,
     )

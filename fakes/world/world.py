@@ -40,8 +40,13 @@ MOTOR_SPREAD = 0.01  # 1 sigma of what makes each motor faster or slower than th
 class Wheels:
     """The two motors and their encoders, as the controller is wired: 1 is left, 2 is right."""
 
-    def __init__(self, angles_rad: Callable[[], tuple[float, float]], seed: int) -> None:
-        self._angles_rad = angles_rad
+    def __init__(
+        self,
+        angles_rad: Callable[[], tuple[float, float]],
+        seed: int,
+        radius_m: float = robot.WHEEL_RADIUS_M,
+    ) -> None:
+        self._angles_rad, self._radius_m = angles_rad, radius_m
         self._gains = np.random.default_rng(seed).normal(1.0, MOTOR_SPREAD, 2).tolist()
         self._wanted_mps, self._rims_mps = [0.0, 0.0], [0.0, 0.0]
 
@@ -63,7 +68,7 @@ class Wheels:
             for k in (0, 1):
                 change = self._wanted_mps[k] - self._rims_mps[k]
                 self._rims_mps[k] += max(-most, min(most, change))
-                ctrl_radps[k] = self._rims_mps[k] / robot.WHEEL_RADIUS_M
+                ctrl_radps[k] = self._rims_mps[k] / self._radius_m
 
 
 class Ground:
@@ -96,6 +101,7 @@ class World:
         seed: spreads the strength of the two motors; of the scene's chances, people and upsets.
         errors: instead of the scene's own.
         mount: of the scanner's lens.
+        body: of the robot.
     """
 
     obeys = True
@@ -106,16 +112,17 @@ class World:
         seed: int,
         errors: ErrorModels | None = None,
         mount: robot.Mount = robot.MOUNT,
+        body: robot.Body = robot.BODY,
     ) -> None:
         self.scene = scene if isinstance(scene, Scene) else load_scene(scene, seed)
         self.errors = self.scene.errors if errors is None else errors
-        self._model = mj.MjModel.from_xml_string(robot.mjcf(self.scene))
+        self._model = mj.MjModel.from_xml_string(robot.mjcf(self.scene, body))
         self._data = mj.MjData(self._model)
         self._ground = Ground(self.scene, self._model)
         self._crowd = Crowd(self.scene.walkers, seed) if self.scene.walkers else None
         slips = (*self.scene.slips, *bursts(self.errors.slip_bursts_per_min, seed))
         self._spinning = Spinning(slips, STEP_S) if slips else None
-        self.wheels = Wheels(self.wheel_angles_rad, seed)
+        self.wheels = Wheels(self.wheel_angles_rad, seed, body.wheel_radius_m)
         self._R_earth_map = rotation_z(-self.scene.x_axis_east_of_north_rad)
         self._rays = Rays(self.scene, seed, self.errors, self._crowd, mount)
         self._begin_s: float | None = None

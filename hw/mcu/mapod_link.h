@@ -367,8 +367,8 @@ MAPOD_LINK_API uint32_t mapod_talk_external_pose(struct mapod_talk *talk,
 #define MAPOD_LAYER_HEIGHT 1u   /* mm above the ground that the sender tracks */
 #define MAPOD_LAYER_VARIANCE 2u /* mm^2, of the height */
 #define MAPOD_LAYER_SLOPE 3u    /* 0.0001 rad, of the ground; 0: level */
-/* Layers 4 (cause), 5 (age), 6 (z), 7 (edge) and 8 (foothold), and SCAN frames (type 7), are for
- * larger machines: here such a tile holds no values, and a SCAN counts as of unknown type. */
+/* Layers 4 (cause), 5 (age), 6 (z), 7 (edge), 8 (foothold) and 9 to 11 (filled in, sigmas), and SCAN
+ * frames (type 7), are for larger machines: here such a tile holds no values, and a SCAN counts as of unknown type. */
 
 struct mapod_ask {
     uint16_t id; /* told back by the answer */

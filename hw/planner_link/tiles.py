@@ -20,6 +20,7 @@ from hw.planner_link.scheduler import FrameScheduler
 F32 = npt.NDArray[np.float32]
 LAYERS = (  # by number in ASK and TILE
     *("state", "height", "variance", "slope", "cause", "age", "z", "edge", "foothold"),
+    *("filled", "filled_sigma", "foothold_sigma"),
 )
 STATE, CAUSE = 0, 4
 NUMBERS = {  # of the other layers: scale, whether rounded up, least, most, not known
@@ -30,6 +31,9 @@ NUMBERS = {  # of the other layers: scale, whether rounded up, least, most, not 
     6: (1e3, False, -32_767, 32_767, -32_768),
     7: (1e3, False, 0, 65_534, 65_535),
     8: (1e4, False, 0, 10_000, 65_535),
+    9: (1e3, False, -32_767, 32_767, -32_768),
+    10: (1e4, True, 0, 65_534, 65_535),
+    11: (1e4, True, 0, 65_534, 65_535),
 }
 QUAD_SHIFTS = np.array([0, 2, 4, 6], np.uint8)  # four states a byte, the first lowest
 NO_LAYER, BAD_SIZE, TOO_MANY, NO_MAP = 1, 2, 3, 4  # why a tile can't be had
@@ -48,7 +52,7 @@ class TileSource(Protocol):
         Args:
             layer: "state" (1 obstacle, -1 free), "height" (m), "variance" (m2), "slope" (rad),
                 "cause" (0 to 255; 0: not told), "age" (s), "z" (m), "edge" (m),
-                "foothold" (0 to 1).
+                "foothold" (0 to 1), "filled" (m), "filled_sigma" (m), "foothold_sigma" (m).
             i, j: world cell of the lowest column and row; `width` in cells.
 
         Returns:

@@ -3,14 +3,23 @@
 import re
 from dataclasses import dataclass
 from typing import Literal
-from urllib.parse import parse_qsl, urlsplit
+from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 ALLOWED = (
-    "allowed are tcp://host:port, udp://host:port and "
-    "serial:///path?baud=9600&parity=N|E|O&bytesize=7|8&stopbits=1|2"
+    "allowed are tcp://host:port, udp://host:port, "
+    "serial:///path?baud=9600&parity=N|E|O&bytesize=7|8&stopbits=1|2, and for a camera "
+    "v4l2:///path?width=640&height=480&rate=30&exposure_us=2000 and folder:///path"
 )
+EXAMPLES = {
+    "serial": "serial:///dev/ttyS0",
+    "v4l2": "v4l2:///dev/video0",
+    "folder": "folder:///tmp/images",
+}
 BAUDS = range(50, 4_000_001)
 LINE_VALUES = {"parity": ("N", "E", "O"), "bytesize": ("8", "7"), "stopbits": ("1", "2")}
+CAMERA_VALUES = {"width": range(32, 4097), "height": range(32, 4097), "rate": range(1, 121)}
+EXPOSURES_US = range(100, 1_000_001)
+CAMERAS = ("v4l2", "folder")  # kinds that carry images alone
 DEFAULTS = {key: values[0] for key, values in LINE_VALUES.items()}
 
 
@@ -20,9 +29,9 @@ class PortUrlError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class PortUrl:
-    """What a URL says: host and port of tcp and udp, the rest of serial."""
+    """What a URL says: host and port of tcp and udp, then what is serial's, then a camera's."""
 
-    kind: Literal["tcp", "udp", "serial"]
+    kind: Literal["tcp", "udp", "serial", "v4l2", "folder"]
     host: str = ""
     port: int = 0
     path: str = ""
@@ -30,6 +39,9 @@ class PortUrl:
     parity: str = "N"
     bytesize: int = 8
     stopbits: int = 1
+    size: tuple[int, int] = (0, 0)  # width and height of its images
+    rate_hz: int = 0
+    exposure_us: int | None = None  # None: as the camera likes
 
 
 def parse_url(url: str) -> PortUrl:
@@ -55,7 +67,13 @@ def parse_url(url: str) -> PortUrl:
         case "tcp" | "udp" as kind:
             return _parse_socket(url, kind)
         case "serial":
-            return _parse_serial(url, parts.netloc, parts.path, parts.query)
+            return _parse_serial(url, _path(url, parts), _given(url, parts.query))
+        case "v4l2":
+            return _parse_camera(url, _path(url, parts), _given(url, parts.query))
+        case "folder":
+            if parts.query:
+                raise PortUrlError(f"{url!r}: nothing may follow the path; {ALLOWED}")
+            return PortUrl("folder", path=_path(url, parts))
         case scheme:
             raise PortUrlError(f"{url!r}: no such kind of port {scheme!r}; {ALLOWED}")
 
@@ -70,11 +88,17 @@ def _parse_socket(url: str, kind: Literal["tcp", "udp"]) -> PortUrl:
     return PortUrl(kind, host=host, port=port)
 
 
-def _parse_serial(url: str, netloc: str, path: str, query: str) -> PortUrl:
-    if netloc or len(path) < 2:
+def _path(url: str, parts: SplitResult) -> str:
+    if parts.netloc or len(parts.path) < 2:
         raise PortUrlError(
-            f"{url!r}: three slashes and a path must follow 'serial:', as in serial:///dev/ttyS0"
+            f"{url!r}: three slashes and a path must follow '{parts.scheme}:', as in "
+            f"{EXAMPLES[parts.scheme]}"
         )
+    return parts.path
+
+
+def _given(url: str, query: str) -> dict[str, str]:
+    """By key."""
     try:
         pairs = parse_qsl(query, keep_blank_values=True, strict_parsing=bool(query))
     except ValueError:
@@ -82,12 +106,22 @@ def _parse_serial(url: str, netloc: str, path: str, query: str) -> PortUrl:
     given = dict(pairs)
     if len(given) < len(pairs):
         raise PortUrlError(f"{url!r}: each key may be given once")
+    return given
+
+
+def _number(url: str, given: dict[str, str], key: str, allowed: range) -> int:
+    """Takes it from what is given."""
+    text = given.pop(key, "")
+    if re.fullmatch(r"\d{1,7}", text, re.ASCII) and int(text) in allowed:
+        return int(text)
+    is_given = f"is {text!r}" if text else "is missing"
+    raise PortUrlError(f"{url!r}: {key} must be within {allowed[0]}..{allowed[-1]}, {is_given}")
+
+
+def _parse_serial(url: str, path: str, given: dict[str, str]) -> PortUrl:
     if unknown := sorted(given.keys() - {"baud", *LINE_VALUES}):
         raise PortUrlError(f"{url!r}: unknown key {unknown[0]!r}; {ALLOWED}")
-    baud = given.pop("baud", "")
-    if not (re.fullmatch(r"\d{1,7}", baud, re.ASCII) and int(baud) in BAUDS):
-        is_given = f"is {baud!r}" if baud else "is missing"
-        raise PortUrlError(f"{url!r}: baud must be within {BAUDS[0]}..{BAUDS[-1]}, {is_given}")
+    baud = _number(url, given, "baud", BAUDS)
     for key, value in given.items():
         if value not in LINE_VALUES[key]:
             allowed = " or ".join(LINE_VALUES[key])
@@ -96,8 +130,19 @@ def _parse_serial(url: str, netloc: str, path: str, query: str) -> PortUrl:
     return PortUrl(
         "serial",
         path=path,
-        baud=int(baud),
+        baud=baud,
         parity=line["parity"],
         bytesize=int(line["bytesize"]),
         stopbits=int(line["stopbits"]),
+    )
+
+
+def _parse_camera(url: str, path: str, given: dict[str, str]) -> PortUrl:
+    if unknown := sorted(given.keys() - {"exposure_us", *CAMERA_VALUES}):
+        raise PortUrlError(f"{url!r}: unknown key {unknown[0]!r}; {ALLOWED}")
+    is_set = "exposure_us" in given
+    exposure_us = _number(url, given, "exposure_us", EXPOSURES_US) if is_set else None
+    width, height, rate_hz = (_number(url, given, key, CAMERA_VALUES[key]) for key in CAMERA_VALUES)
+    return PortUrl(
+        "v4l2", path=path, size=(width, height), rate_hz=rate_hz, exposure_us=exposure_us
     )

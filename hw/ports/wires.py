@@ -2,6 +2,10 @@
 
     tcp://host:port    udp://host:port    serial:///path?baud=9600&parity=E&bytesize=7&stopbits=1
 
+For a camera on this machine, and for images of one, in the form of a web camera's answer:
+
+    v4l2:///dev/video0?width=640&height=480&rate=30&exposure_us=2000    folder:///path
+
 A host's name is looked up once, in open_port, before the loop runs; nothing after it waits.
 Time is what poll() is told. Source: Modbus sheet, section 6, for serial lines and ptys.
 
@@ -19,13 +23,15 @@ after it is back; what a device has to bear, or can't become better soon, is tri
 """
 
 import socket
+from collections.abc import Callable
+from dataclasses import replace
 
 from hw.device import Port
 from hw.ports.serial import SerialPort
 from hw.ports.sockets import Address, TcpPort, UdpPort
 from hw.ports.url import PortUrl, PortUrlError, parse_url
 
-__all__ = ["PortUrlError", "open_port", "parse_url"]
+__all__ = ["PortUrlError", "open_port", "parse_url", "ports_beside"]
 
 
 def open_port(url: str) -> Port:
@@ -38,10 +44,33 @@ def open_port(url: str) -> Port:
     match parts.kind:
         case "serial":
             return SerialPort(parts)
+        case "v4l2":
+            from hw.ports.camera import CameraPort  # as for folders: for who has one
+
+            return CameraPort(parts)
+        case "folder":
+            from hw.ports.folder import FolderPort
+
+            return FolderPort(parts)
         case "tcp":
             return TcpPort(parts, _address(url, parts))
         case "udp":
             return UdpPort(parts, _address(url, parts))
+
+
+def ports_beside(url: str) -> Callable[[int], Port]:
+    """Gives TCP ports of a URL's host by their numbers, not opened yet.
+
+    Its name is looked up now: so a device may tell a port while the loop runs.
+
+    Raises:
+        PortUrlError: no URL of TCP, or a host without address.
+    """
+    parts = parse_url(url)
+    if parts.kind != "tcp":
+        raise PortUrlError(f"{url!r}: must be tcp://host:port")
+    family, (host, _, *rest) = _address(url, parts)
+    return lambda number: TcpPort(replace(parts, port=number), (family, (host, number, *rest)))
 
 
 def _address(url: str, peer: PortUrl) -> tuple[int, Address]:

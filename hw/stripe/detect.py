@@ -67,7 +67,7 @@ class StripeFinder:
             self._masks = np.zeros((2, h, w), np.uint8)
             return
         self._sums, self._rough = np.zeros((h + 1, w), np.int32), np.zeros(w)
-        self._limits, self._last = np.zeros(w, np.int32), np.zeros(w, np.int32)
+        self._limits, self._of_row, self._last = np.zeros((3, w), np.int32)
         self._rows, self._heights = np.zeros((2, KEPT, w), np.int32)
         self._centres, self._confidences = np.zeros((2, KEPT, w))
         self._gains, self._came_from = np.zeros((2, KEPT + 1)), np.zeros((w, KEPT + 1), np.int32)
@@ -84,7 +84,10 @@ class StripeFinder:
         rows, heights = self._rows, self._heights
         centres, confidences = self._centres, self._confidences
         sum_signal(image, laser, sums, self._rough)
-        find_bumps(sums, self._rough, half, self._contrast, limits, self._last, rows, heights)
+        find_bumps(
+            *(sums, self._rough, half, self._contrast),
+            *(limits, self._of_row, self._last, rows, heights),
+        )
         measure_bumps(
             image, laser, sums, half, self._sigma_px, limits, rows, heights, centres, confidences
         )

@@ -1,22 +1,18 @@
-"""JPEG and PNG to images, by OpenCV, which only who has such a scanner needs; folders of images.
+"""JPEG and PNG to images, by OpenCV, which only who has such a scanner needs.
 
 OpenCV is an extra, `camera`, and is loaded when the first decoder is made.
 """
 
-import csv
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from core.records import U8
 from hw.device import BadFrame
-from hw.stripe.jpeg import fault_of_image, warm
+from hw.stripe.jpeg import fault_of_image, warm, with_tables
 from hw.stripe.mjpeg import maybe_size
 
 MISSING = "images need OpenCV, which is not installed: pip install 'mapod[camera]'"
-TIMES = "times.csv"  # file, t_s: a line for each image, without a heading
 
 
 def maybe_opencv() -> Any:
@@ -56,6 +52,7 @@ class Decoder:
             return BadFrame("a JPEG that tells no size", data)
         if size != self._image_px:
             return BadFrame(self._wrong(size), data)
+        data = with_tables(data) if is_jpeg else data
         if is_jpeg and (why := fault_of_image(data)):
             return BadFrame(why, data)
         cv2 = self._opencv
@@ -73,20 +70,3 @@ class Decoder:
     def _wrong(self, size: tuple[int, int]) -> str:
         w, h = self._image_px
         return f"the camera's images are {size[0]} x {size[1]} px, scanner.image_px has {w} x {h}"
-
-
-def images_in(folder: Path, decoder: Decoder) -> Iterator[tuple[float, U8 | BadFrame]]:
-    """The images that times.csv names, each with its time in s, in that order.
-
-    Raises:
-        OSError: no times.csv.
-    """
-    with open(folder / TIMES, encoding="utf-8", newline="") as file:
-        for row in csv.reader(file):
-            try:
-                name, t_s = row[0], float(row[1])
-                data = (folder / name).read_bytes()
-            except (OSError, ValueError, IndexError):
-                yield float("nan"), BadFrame(f"{TIMES}: no image as {row}", b"")
-                continue
-            yield t_s, decoder.image(data)

@@ -5,8 +5,8 @@ own bus loses them, all that comes behind moves up: a line is then seen where no
 image's blocks are counted. What is lost within one block, and costs none, may stay unseen.
 
 Baseline JPEG with one scan, as web cameras send it; any other can't be checked, and is told as
-such.
-Source: ITU-T T.81, annexes B and F.
+such. Cameras on USB leave the tables out, which are then those of annex K.
+Source: ITU-T T.81, annexes B, F and K.3.
 """
 
 import numpy as np
@@ -21,6 +21,21 @@ TABLES, RESTART, SCAN = 0xC4, 0xDD, 0xDA
 LENGTHS, SYMBOLS = 17, 256  # of codes, 1..16; of a table
 KINDS = 8  # of tables: four for a block's first number, four for its others
 MOST_BLOCKS = 10  # in a unit
+QUICK_BITS = 9  # codes so long or shorter are looked up at once: nearly all
+MOST_HELD = 32  # bits before more are read; a symbol takes 31 at most: code and number behind it
+USUAL_TABLES = bytes.fromhex(  # annex K.3 as a segment
+    "ffc401a20000010501010101010100000000000000000102030405060708090a0b"
+    "100002010303020403050504040000017d01020300041105122131410613516107227114328191a1082342b1c115"
+    "52d1f02433627282090a161718191a25262728292a3435363738393a434445464748494a535455565758595a6364"
+    "65666768696a737475767778797a838485868788898a92939495969798999aa2a3a4a5a6a7a8a9aab2b3b4b5b6b7"
+    "b8b9bac2c3c4c5c6c7c8c9cad2d3d4d5d6d7d8d9dae1e2e3e4e5e6e7e8e9eaf1f2f3f4f5f6f7f8f9fa"
+    "0100030101010101010101010000000000000102030405060708090a0b"
+    "110002010204040304070504040001027700010203110405213106124151076171132232810"
+    "8144291a1b1c109233352f0156272d10a162434e125f11718191a262728292a35363738393a434445464748494a5"
+    "35455565758595a636465666768696a737475767778797a82838485868788898a92939495969798999aa2a3a4a5a"
+    "6a7a8a9aab2b3b4b5b6b7b8b9bac2c3c4c5c6c7c8c9cad2d3d4d5d6d7d8d9dae2e3e4e5e6e7e8e9eaf2f3f4f5f6f"
+    "7f8f9fa"
+)
 UNCHECKED = "a JPEG that can't be checked: it is no baseline one of one scan, or lacks its tables"
 TORN = "a JPEG that lacks part of its image"
 
@@ -32,6 +47,7 @@ class Tables(Struct, frozen=True, eq=False):
     counts: I32  # (KINDS, LENGTHS) how many there are,
     places: I32  # (KINDS, LENGTHS) and where their symbols begin
     symbols: U8  # (KINDS, SYMBOLS)
+    quick: I32  # (KINDS, 1 << QUICK_BITS) by the next bits: a code's length, times 256, and symbol
 
 
 class Frame(Struct):
@@ -63,16 +79,28 @@ def fault_of_image(data: bytes) -> str:
     return UNCHECKED
 
 
+def with_tables(data: bytes) -> bytes:
+    """A JPEG that has no table of codes at all, with the usual ones; any other as it is."""
+    at = 2
+    while at + 4 <= len(data) and data[at] == 0xFF and data[at + 1] != TABLES:
+        if data[at + 1] == SCAN:
+            return data[:at] + USUAL_TABLES + data[at:]
+        at += 1 if data[at + 1] == 0xFF else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    return data
+
+
 def no_tables() -> Tables:
     firsts, counts, places = np.zeros((3, KINDS, LENGTHS), np.int32)
-    return Tables(firsts, counts, places, np.zeros((KINDS, SYMBOLS), np.uint8))
+    quick = np.zeros((KINDS, 1 << QUICK_BITS), np.int32)
+    return Tables(firsts, counts, places, np.zeros((KINDS, SYMBOLS), np.uint8), quick)
 
 
 def warm() -> None:
     """Run the kernel once, so that it is not compiled while a robot drives."""
     one, plan = no_tables(), np.zeros((1, 2), np.int32)
     end = np.frombuffer(b"\xff\xd9", np.uint8)
-    is_whole(end, 0, one.firsts, one.counts, one.places, one.symbols, plan, 0, 0)
+    fill_quick(one.firsts, one.counts, one.places, one.symbols, one.quick)
+    is_whole(end, 0, one.firsts, one.counts, one.places, one.symbols, one.quick, plan, 0, 0)
 
 
 def _take_in(marker: int, segment: bytes, frame: Frame, tables: Tables) -> bool:
@@ -134,47 +162,54 @@ def _fault_of_scan(data: bytes, at: int, segment: bytes, frame: Frame, tables: T
     plan = np.array(blocks, dtype=np.int32)
     image = np.frombuffer(data, np.uint8)
     codes = tables.firsts, tables.counts, tables.places, tables.symbols
-    return "" if is_whole(image, at, *codes, plan, units, frame.restart) else TORN
+    fill_quick(*codes, tables.quick)
+    return "" if is_whole(image, at, *codes, tables.quick, plan, units, frame.restart) else TORN
 
 
 @kernel
-def next_byte(data: U8, at: int) -> tuple[int, int]:
-    """A byte of the scan, -1 at a marker or the end, and where the next one is."""
-    if at >= len(data):
-        return -1, at
-    if data[at] != 0xFF:
-        return int(data[at]), at + 1
-    return (0xFF, at + 2) if at + 1 < len(data) and data[at + 1] == 0 else (-1, at)
+def fill_quick(firsts: I32, counts: I32, places: I32, symbols: U8, quick: I32) -> None:
+    """Fills `quick` of all kinds, which is zero before; 0 stands for a longer code, or none."""
+    for kind in range(KINDS):
+        for size in range(1, QUICK_BITS + 1):
+            free = QUICK_BITS - size
+            for k in range(counts[kind, size]):
+                entry = size << 8 | int(symbols[kind, places[kind, size] + k])
+                begin = (firsts[kind, size] + k) << free
+                for bits in range(begin, begin + (1 << free)):
+                    quick[kind, bits] = entry
 
 
 @kernel
-def next_symbol(
-    data: U8, at: int, bits: int, held: int,
-    firsts: I32, counts: I32, places: I32, symbols: U8,
-) -> tuple[int, int, int, int]:  # fmt: skip
-    """What the next code stands for, -1: none; then `at`, and the bits held that are not used.
+def read_ahead(data: U8, at: int, bits: int, held: int) -> tuple[int, int, int]:
+    """More bits of the scan behind those held, until a marker or the end; `at`, bits and held."""
+    end = len(data)
+    while held <= MOST_HELD and at < end:
+        byte = int(data[at])
+        if byte == 0xFF:
+            if at + 1 >= end or data[at + 1] != 0:
+                break
+            at += 1
+        bits, held, at = bits << 8 | byte, held + 8, at + 1
+    return at, bits, held
+
+
+@kernel
+def long_code(bits: int, held: int, firsts: I32, counts: I32, places: I32, symbols: U8) -> int:
+    """The code that the bits begin with, if it is no quick one, as `quick` has it; 0: none.
 
     Args:
         firsts, counts, places, symbols: of one table.
     """
-    code = 0
-    for size in range(1, LENGTHS):
-        if held == 0:
-            bits, at = next_byte(data, at)
-            held = 8
-            if bits < 0:
-                return -1, at, 0, 0
-        held -= 1
-        code = 2 * code + ((bits >> held) & 1)
-        off = code - firsts[size]
+    for size in range(QUICK_BITS + 1, LENGTHS):
+        off = (bits << size >> held) - firsts[size]
         if 0 <= off < counts[size]:
-            return int(symbols[places[size] + off]), at, bits, held
-    return -1, at, bits, held
+            return size << 8 | int(symbols[places[size] + off])
+    return 0
 
 
 @kernel
 def is_whole(
-    data: U8, at: int, firsts: I32, counts: I32, places: I32, symbols: U8, plan: I32,
+    data: U8, at: int, firsts: I32, counts: I32, places: I32, symbols: U8, quick: I32, plan: I32,
     units: int, restart: int,
 ) -> bool:  # fmt: skip
     """Whether so many units of blocks end where the data do.
@@ -188,27 +223,29 @@ def is_whole(
     end = len(data)
     for unit in range(units):
         if restart > 0 and unit > 0 and unit % restart == 0:
-            bits, held = 0, 0
-            if at + 1 >= end or data[at] != 0xFF or not 0xD0 <= data[at + 1] <= 0xD7:
+            at, _, held = read_ahead(data, at, bits, held)
+            if held >= 8 or at + 1 >= end or not 0xD0 <= data[at + 1] <= 0xD7:
                 return False
-            at += 2
+            at, bits, held = at + 2, 0, 0
         for block in range(len(plan)):
             number = 0  # of those of the block
             while number < 64:
                 kind = plan[block, min(number, 1)]
-                symbol, at, bits, held = next_symbol(
-                    data, at, bits, held, firsts[kind], counts[kind], places[kind], symbols[kind]
-                )
+                if held < MOST_HELD:
+                    at, bits, held = read_ahead(data, at, bits, held)
+                entry = quick[kind, (bits << QUICK_BITS >> held) & ((1 << QUICK_BITS) - 1)]
+                if entry == 0:
+                    entry = long_code(
+                        bits, held, firsts[kind], counts[kind], places[kind], symbols[kind]
+                    )
+                symbol = entry & 255
                 size = symbol if number == 0 else symbol & 15  # of the number itself, in bits
                 number += 1 if number == 0 else (64 if symbol == 0 else (symbol >> 4) + 1)
-                if symbol < 0 or size > 15 or (number > 64 and symbol != 0):
+                held -= (entry >> 8) + size
+                if entry == 0 or size > 15 or held < 0 or (number > 64 and symbol != 0):
                     return False
-                while held < size:  # skipped
-                    byte, at = next_byte(data, at)
-                    if byte < 0:
-                        return False
-                    bits, held = (bits << 8 | byte) & 0xFFFFFF, held + 8
-                held -= size
+                bits &= (1 << held) - 1
+    at, _, held = read_ahead(data, at, bits, held)
     while at + 1 < end and data[at] == 0xFF and data[at + 1] == 0xFF:
         at += 1  # filling
-    return bool(at + 1 < end and data[at] == 0xFF and data[at + 1] == 0xD9)
+    return bool(held < 8 and at + 1 < end and data[at] == 0xFF and data[at + 1] == 0xD9)

@@ -59,14 +59,18 @@ def sum_signal(image: U8, laser: int, sums: I32, rough: F64) -> None:
 
 @kernel
 def find_bumps(
-    sums: I32, rough: F64, half: int, least: float, limits: I32, last: I32, rows: I32, heights: I32
-) -> None:
+    sums: I32, rough: F64, half: int, least: float,
+    limits: I32, of_row: I32, last: I32, rows: I32, heights: I32,
+) -> None:  # fmt: skip
     """Fills the rows and heights of the highest bumps of each column, as far as there are any.
+
+    A row's heights are all made first, without a branch, which takes a fifth of the time; most rows
+    have no bump.
 
     Args:
         half: of a line's width in rows; 2 * half + 1 are its core, and each side.
         least: contrast of a bump, levels of 0..255.
-        limits, last: (w,) room; limits are what a height must exceed.
+        limits, of_row, last: (w,) room; limits are what a height must exceed.
         rows, heights: (KEPT, w); a height is in sums of twice the signal, 0: no bump.
     """
     h, w = sums.shape[0] - 1, sums.shape[1]
@@ -78,12 +82,18 @@ def find_bumps(
         for k in range(KEPT):
             rows[k, u], heights[k, u] = -1, 0
     for v in range(reach, h - reach):
+        over = 0
         for u in range(w):
             before = sums[v - 2 * half, u] - sums[v - reach, u]
             behind = sums[v + 1 + reach, u] - sums[v + 1 + 2 * half, u]
-            height = sums[v + half + 1, u] - sums[v - half, u] - max(before, behind)
-            if height > limits[u]:
-                keep_bump(v, u, height, core, last, rows, heights)
+            of_row[u] = sums[v + half + 1, u] - sums[v - half, u] - max(before, behind)
+            over += of_row[u] > limits[u]
+        u = 0
+        while over > 0:
+            if of_row[u] > limits[u]:
+                keep_bump(v, u, of_row[u], core, last, rows, heights)
+                over -= 1
+            u += 1
 
 
 @kernel

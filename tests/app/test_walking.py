@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from config_file import load_config, with_changes
+from core.mapping.footing import USUAL
 from core.mapping.layers import maybe_values
-from core.records import FREE, I64, OBSTACLE
+from core.records import F64, FREE, I64, OBSTACLE
 from fakes.scenes.scene import load_scene
 from fakes.scenes.solids import Shape
 from tests import ROOT
 from tests.support.closed_loop import ClosedLoop
+from tools.experiments.terrain.feet import true_step_m
 
 MESSOR = with_changes(
     load_config((ROOT / "robots" / "messor.toml").read_text(encoding="utf-8")),
@@ -49,6 +51,16 @@ def free_cells(loop: ClosedLoop) -> set[tuple[str, int, int]]:
     return found
 
 
+def footholds_and_their_true_steps(loop: ClosedLoop) -> tuple[F64, list[float]]:
+    """Of 0.9 x 1 m with both boxes: all (n,), and the steps under each fifth of the good ones."""
+    i, j = (part.ravel() for part in np.meshgrid(np.arange(50, 140), np.arange(-50, 50)))
+    told = maybe_values(loop.app.mapper.maps, "foothold", i, j)
+    assert told is not None
+    x_m, y_m = ((part[told > 0.0][::5] + 0.5) * CELL_M for part in (i, j))
+    steps_m = [true_step_m(STONES, x, y) for x, y in zip(x_m.tolist(), y_m.tolist(), strict=True)]
+    return told, steps_m
+
+
 def test_a_walking_robot_tells_the_heights_of_boxes_and_none_of_their_cells_is_free() -> None:
     loop = ClosedLoop(MESSOR, STONES)
     system = loop.positioning
@@ -74,5 +86,9 @@ def test_a_walking_robot_tells_the_heights_of_boxes_and_none_of_their_cells_is_f
         assert states is not None
         assert int((states == OBSTACLE).sum()) > 0.2 * len(states), box.name
     assert wrong == set()
+    footholds, steps_m = footholds_and_their_true_steps(loop)
+    assert float(np.isfinite(footholds).mean()) > 0.5
+    assert len(steps_m) > 500
+    assert sum(step_m > USUAL.step_m for step_m in steps_m) < 0.01 * len(steps_m)
     assert int((loop.map_now() == FREE).sum()) > 200  # most floor was looked at once only
     assert loop.app.mapper.counts.erased == 0

@@ -21,7 +21,7 @@ METHODS = {
 }
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
-ELSEWHERE = "hw.modbus", "hw.stripe"  # what is off, or another driver's, as shipped
+ELSEWHERE = "hw.modbus", "hw.stripe", "hw.visionary"  # what is off, or another driver's, as shipped
 COLD = """
 import json, sys
 from app import warm_kernels
@@ -75,7 +75,7 @@ def test_every_kernel_that_the_settings_can_come_to_is_warm() -> None:
     cold = cold_after()
     assert {name for name in cold if not name.startswith(ELSEWHERE)} <= SERVED
     cold = cold_after(modbus=MODBUS)
-    assert {name for name in cold if not name.startswith("hw.stripe")} == set()
+    assert {name for name in cold if not name.startswith(ELSEWHERE[1:])} == set()
 
 
 def test_every_kernel_of_a_camera_is_warm_where_that_is_the_scanner() -> None:

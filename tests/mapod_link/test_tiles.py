@@ -30,10 +30,15 @@ RAW: dict[int, tuple[int, ...]] = {
     6: (-32_768, -500, 0, 1234),
     7: (65_535, 0, 500),
     8: (65_535, 0, 10_000),
+    9: (-32_768, -500, 0, 1234),
+    10: (65_535, 0, 123),
+    11: (65_535, 0, 123),
 }
 SCALE = {0: 1.0, 1: 1e-3, 2: 1e-6, 3: 1e-4, 4: 1.0, 5: 1e-1, 6: 1e-3, 7: 1e-3, 8: 1e-4}
+SCALE |= {9: 1e-3, 10: 1e-4, 11: 1e-4}
 UNKNOWN = {1: -32_768, 2: 65_535, 3: 65_535, 5: 65_535, 6: -32_768, 7: 65_535, 8: 65_535}
-FORMATS = {1: "h", 4: "B", 6: "h"}
+UNKNOWN |= {9: -32_768, 10: 65_535, 11: 65_535}
+FORMATS = {1: "h", 4: "B", 6: "h", 9: "h"}
 
 
 class Sender:
@@ -105,7 +110,10 @@ class Sender:
         return np.where(raws == UNKNOWN.get(layer, -1), np.nan, raws * SCALE[layer])
 
 
-LAYERS = ("class", "height", "variance", "slope", "cause", "age", "z", "edge", "foothold")
+LAYERS = (
+    *("class", "height", "variance", "slope", "cause", "age", "z", "edge", "foothold"),
+    *("filled", "filled_sigma", "foothold_sigma"),
+)
 
 
 @settings(max_examples=examples(30))

@@ -1,7 +1,7 @@
 """Where the scanner sits, from flat floor.
 
-`mapod calibrate range`: how far off its ranges are; `mapod calibrate stripe`: where a laser's plane
-lies to its camera.
+`mapod calibrate range`: how far off its ranges are; `mapod calibrate camera`: a camera's lens, from
+pictures of a chessboard; `mapod calibrate stripe`: where a laser's plane lies to its camera.
 
 Reads the scanner and the attitude sensor of mapod.toml for a while, and estimates the lens's height
 and the scanner's tilt and roll from what is floor. It moves nothing: turn the robot on the spot, or
@@ -28,13 +28,18 @@ from tools.calibration.mount import (
     reads_m,
 )
 from tools.calibration.noted import with_note
-from tools.cli import calibrate_range, calibrate_stripe
+from tools.cli import calibrate_camera, calibrate_range, calibrate_stripe
 from tools.cli.options import fail, number_in, parser_of
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
 
 BY_HAND_OFF_M = 0.3  # a measured height that differs so much from the settings' is a slip
 UNPROVEN_OFF_RAD = math.radians(1.0)  # a mount that moved so far is not believed without proof
+OTHERS = {
+    "range": calibrate_range.main,
+    "camera": calibrate_camera.main,
+    "stripe": calibrate_stripe.main,
+}
 AHEAD_M, ASIDE_M = 8.0, 4.0  # where the effect is told
 
 
@@ -187,10 +192,8 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused, 2 wrong use."""
     given = sys.argv[1:] if given is None else given
-    if given[:1] == ["range"]:
-        return calibrate_range.main(given[1:])
-    if given[:1] == ["stripe"]:
-        return calibrate_stripe.main(given[1:])
+    if given[:1] and (other := OTHERS.get(given[0])):
+        return other(given[1:])
     options = arguments(given)
     try:
         text = options.config.read_bytes().decode("utf-8")

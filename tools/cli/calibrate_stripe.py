@@ -3,7 +3,7 @@
 Put a flat, light board square to the camera's axis at three distances or more from the camera, take
 a picture of each with the laser on, and list them in a table: columns file,true_m. Prints the lines
 of mapod.toml; --write puts their values there. The camera's matrix and distortion must be right
-before: they are not estimated.
+before (`mapod calibrate camera`): they are not estimated.
 """
 
 import argparse

@@ -30,6 +30,7 @@ COMMANDS = {  # file, function in it if it is not `main`, and what it does
     "drive": ("drive", "read the motor controller; drive by keyboard"),
     "calibrate": ("calibrate", "how the scanner sits, from flat floor; how its ranges are off"),
     "placement": ("placement", "where to mount a sensor that looks down"),
+    "plan": ("plan", "sweep a floor plan, or get from A to B on it"),
     "compare": ("compare", "a real device and its fake, asked the same"),
     "link-test": ("link_test", "check a planner's receiver over its port"),
     "flash": ("flash", "put mapod onto a robot, with a way back"),

@@ -28,7 +28,7 @@ from tools.cli.options import (
     parser_of,
 )
 from tools.cli.view import NO_PAGE, PAGE_AT, print_summary, watch_and_drive
-from tools.settings import NotThereError, lens_of, rewritten
+from tools.settings import NotThereError, lens_of, rewritten, wheels_of
 from tools.terminal.planner_end import PlannerEnd, PtyWire, WatchingReceiver
 from tools.terminal.processes import (
     APP,
@@ -115,6 +115,7 @@ def world_words(options: argparse.Namespace, config: Config) -> list[str]:
     """What starts the world of a robot with these settings."""
     words = [sys.executable, "-m", "fakes", "--scene", options.scene, "--seed", str(options.seed)]
     words += ["--scanner", config.scanner.driver, "--lens", *map(str, lens_of(config))]
+    words += ["--wheels", *map(str, wheels_of(config))]
     words += DRIVEN_WORLD if options.drive else ()
     words += ["--positioning"] if config.motion.source == "external" else []
     return words

@@ -1,18 +1,22 @@
 """Which device speaks on which port.
 
 Looks at every serial port (and at those named on the command line, ptys too), finds the motor
-controller and the attitude sensor, with --scanner HOST the laser scanner, and prints the lines of
-`mapod.toml`. --udev prints rules that give each device a name of its own.
+controller and the attitude sensor, with --scanner HOST the laser scanner, looks which cameras there
+are and what they give, and prints the lines of `mapod.toml`. --udev prints rules that give each
+device a name of its own.
 
 It listens first, and asks only what changes nothing: one carriage return and a read for the motor
 controller; an MTi is stopped for a moment to say who it is, and measures again. Close mapod first:
 a port has one reader.
 """
 
+import os
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
+from fnmatch import fnmatch
 from functools import partial
+from glob import glob
 from typing import Any
 
 from serial.tools.list_ports_linux import comports
@@ -22,11 +26,13 @@ from hw.fingerprint import NAMES, maybe_protocol
 from hw.lms1xx.telegrams import new_parser
 from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame
 from hw.ports.url import PortUrlError, parse_url
+from hw.ports.v4l2 import KERNEL, Kernel, fault_of_camera, name_of
 from hw.urg04lx.conversation import RATES
 from hw.urg04lx.scip import ScipParser
 from tools.cli import scanner, scip
 from tools.cli.conversation import Conversation, NoAnswerError, conversation
 from tools.cli.options import fail, parser_of
+from tools.doctor.wires import group_name
 from tools.terminal.progress import advancing
 
 LIST_PORTS: Any = comports  # pyserial has no types
@@ -34,12 +40,15 @@ AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
 LINE_URL = "serial://{path}?baud={baud}"
 SCANNER_PORTS = ("2112", "2111", scip.PORT)
 MTI_BAUDS = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
-HOKUYO = "urg04lx"
+HOKUYO, STRIPE = "urg04lx", "stripe"
+ROBOTS = {HOKUYO: "urg04lx", STRIPE: "ragno"}  # that have such a scanner
+CAMERAS = "/dev/video*"
+CAMERA_URL = "v4l2://{path}?width=640&height=480&rate=30"
 LISTEN_LINE_S = 0.6  # a logging line takes 0.23 s
 LISTEN_DATA_S = 0.12  # ten samples a second at least
 ANSWER_S = 0.3
 NO_PORTS = (
-    "this machine lists no serial port: plug the adapters in, or name a port; "
+    "this machine lists no serial port and no camera: plug the adapters in, or name a port; "
     "a scanner is asked with --scanner HOST"
 )
 
@@ -181,12 +190,34 @@ def find_scanner(host: str) -> Found:
     return Found(host, "", "", says)
 
 
+def find_camera(path: str, kernel: Kernel = KERNEL) -> Found:
+    """What a camera of this machine gives; it is not made to stream."""
+    try:
+        fd = kernel.open(path)
+        try:
+            why = fault_of_camera(kernel, fd)
+            says = why or f"camera {name_of(kernel, fd)!r} with MJPEG"
+        finally:
+            kernel.close(fd)
+    except PermissionError:
+        group = group_name(os.stat(path).st_gid)
+        return Found(
+            path, "", "", f"no permission for it: join its group, {group}, and log in anew"
+        )
+    except OSError as error:
+        return Found(path, "", "", str(error.strerror))
+    if why:
+        return Found(path, "", "", why)
+    return Found(path, "scanner", CAMERA_URL.format(path=path), says, driver=STRIPE)
+
+
 def toml_lines(found: list[Found]) -> Iterator[str]:
     for one in found:
         if one.section:
             yield f"[{one.section}]"
             if one.driver:
-                yield f'driver = "{one.driver}"  # its other keys: mapod init --robot {one.driver}'
+                robot = ROBOTS[one.driver]
+                yield f'driver = "{one.driver}"  # its other keys: mapod init --robot {robot}'
             yield f'port = "{one.url}"'
         if one.dialect:
             yield f'dialect = "{one.dialect}"'
@@ -231,12 +262,16 @@ def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 something was found, 1 nothing was, 2 wrong use."""
     parser = parser_of("devices", __doc__, "mapod devices --scanner 192.168.0.1 --udev")
     add = parser.add_argument
-    add("paths", nargs="*", help="serial ports to look at (default: all)")
+    add("paths", nargs="*", help="serial ports and cameras to look at (default: all)")
     add("--scanner", action="append", default=[], metavar="HOST[:PORT]", help="a scanner to ask")
     add("--udev", action="store_true", help="print udev rules as well")
     options = parser.parse_args(arguments)
     adapters = {port.device: port for port in LIST_PORTS()}
-    paths = paths_of(options.paths, adapters)
+    cameras = [path for path in options.paths if fnmatch(path, CAMERAS)]
+    lines = [path for path in options.paths if path not in cameras]
+    if not options.paths:
+        cameras = sorted(glob(CAMERAS))
+    paths = paths_of(lines, adapters) if lines or not options.paths else []
     try:
         for path in paths:
             parse_url(LINE_URL.format(path=path, baud=MTI_BAUDS[0]))
@@ -244,9 +279,9 @@ def main(arguments: list[str] | None = None) -> int:
             parse_url(f"tcp://{host}" if ":" in host else f"tcp://{host}:{SCANNER_PORTS[0]}")
     except PortUrlError as error:
         return fail("devices", error)
-    if not paths and not options.scanner:
+    if not paths and not cameras and not options.scanner:
         return fail("devices", NO_PORTS, 1)
-    found = all_found(paths, options.scanner)
+    found = [*all_found(paths, options.scanner), *map(find_camera, cameras)]
     for one in found:
         about = getattr(adapters.get(one.place), "description", "")
         print(f"# {one.place}: {one.says}{f' ({about})' if about else ''}")

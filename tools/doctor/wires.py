@@ -13,7 +13,9 @@ from pathlib import Path
 
 from core.config import Config
 from core.driving.control import links_refusal
+from hw.ports.folder import images_of
 from hw.ports.url import PortUrl, parse_url
+from hw.ports.v4l2 import KERNEL, Kernel, fault_of_camera
 from tools.doctor.finding import Finding
 from tools.doctor.network import find_path
 
@@ -55,14 +57,18 @@ def _of_port(section: str, url: str, root: Path) -> Iterator[Finding]:
     if parts.kind == "serial":
         yield of_line(section, parts.path)
         yield from latency_of(section, parts.path, root)
+    elif parts.kind == "v4l2":
+        yield of_camera(section, parts.path, KERNEL)
+    elif parts.kind == "folder":
+        yield of_folder(section, parts.path)
     else:
         yield of_host(section, parts)
         if section == "scanner" and (path := find_path(section, parts, root)):
             yield path
 
 
-def of_line(section: str, path: str) -> Finding:
-    """Whether a serial line is there, and may be opened by who asks."""
+def of_line(section: str, path: str, what: str = "serial line") -> Finding:
+    """Whether a serial line, or what else is meant, is there and may be opened by who asks."""
     try:
         found = os.stat(path)
     except OSError as error:
@@ -70,13 +76,43 @@ def of_line(section: str, path: str) -> Finding:
         return Finding("warning", section, f"{path}: {error.strerror}", advice)
     if not stat.S_ISCHR(found.st_mode):
         advice = f"`mapod devices` says what is where, for [{section}] port"
-        return Finding("warning", section, f"{path} is no serial line", advice)
+        return Finding("warning", section, f"{path} is no {what}", advice)
     if not os.access(path, os.R_OK | os.W_OK):
         group = group_name(found.st_gid)
         advice = f"sudo usermod --append --groups {group} {os.environ.get('USER', 'USER')}"
         says = f"{path}: no permission to read and write, its group is {group}"
         return Finding("warning", section, says, f"{advice}; then log in anew")
     return Finding("OK", section, f"{path} is there")
+
+
+def of_camera(section: str, path: str, kernel: Kernel) -> Finding:
+    """Whether a camera is there, may be opened, and gives images that are of use."""
+    found = of_line(section, path, "camera")
+    if found.level != "OK":
+        return found
+    try:
+        fd = kernel.open(path)
+        try:
+            why = fault_of_camera(kernel, fd)
+        finally:
+            kernel.close(fd)
+    except OSError as error:
+        why = f"can't be asked: {error.strerror}"
+    if why:
+        advice = "`mapod devices` tells what each camera gives"
+        return Finding("warning", section, f"{path} {why}", advice)
+    return Finding("OK", section, f"{path} is a camera with MJPEG")
+
+
+def of_folder(section: str, path: str) -> Finding:
+    """Whether images are there to be played."""
+    try:
+        images = images_of(Path(path))
+    except (OSError, ValueError) as error:
+        advice = "docs/devices.md tells what such a folder has"
+        return Finding("warning", section, f"{path}: {error}", advice)
+    says = f"{path} has {len(images)} images over {images[-1][0]:.1f} s; no camera is read"
+    return Finding("OK", section, says)
 
 
 def group_name(number: int) -> str:

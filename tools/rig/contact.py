@@ -8,6 +8,7 @@ Map frame, metres.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,12 +23,31 @@ F64 = npt.NDArray[np.float64]
 Place = tuple[float, float, float]  # x, y, yaw
 FRONT_M, REAR_M, SIDE_M = 0.52, 0.20, 0.30  # of the footprint, about the drive axle
 HEIGHT_M = 1.30
-RECT = (FRONT_M, REAR_M, SIDE_M)
 REACH_M = math.hypot(FRONT_M, SIDE_M)
 POINT_M = 0.02  # between two points of the outline
 OVERLAP_M = -1.0  # a gap that is none
 STEP_UP_M = 0.10  # between two places beside each other that are both ground
 SLOPE = math.tan(math.radians(8.0))  # of ground that is none of an obstacle, at most
+
+
+class Footprint(NamedTuple):
+    """What of the robot must touch nothing, about the drive axle."""
+
+    front_m: float
+    rear_m: float
+    side_m: float
+    height_m: float
+
+    @property
+    def rect(self) -> tuple[float, float, float]:
+        return self.front_m, self.rear_m, self.side_m
+
+    @property
+    def reach_m(self) -> float:
+        return math.hypot(self.front_m, self.side_m)
+
+
+USUAL = Footprint(FRONT_M, REAR_M, SIDE_M, HEIGHT_M)
 
 
 class Plane(Struct, frozen=True):
@@ -168,9 +188,9 @@ def _nearest(
     return best, which
 
 
-def outline(margin_m: float = 0.0) -> F64:
+def outline(margin_m: float = 0.0, footprint: Footprint = USUAL) -> F64:
     """Points (n, 2) ahead and left of the axle, all around the footprint grown by a margin."""
-    front, rear, side = FRONT_M + margin_m, REAR_M + margin_m, SIDE_M + margin_m
+    front, rear, side = (part + margin_m for part in footprint.rect)
     along = np.linspace(-rear, front, 2 + int((front + rear) / POINT_M))
     across = np.linspace(-side, side, 2 + int(2 * side / POINT_M))
     sides = [np.column_stack([along, np.full(len(along), y)]) for y in (-side, side)]
@@ -204,9 +224,10 @@ def parts_of(mover: Mover, since_begin_s: float) -> list[tuple[float, ...]]:
 
 
 class Ground:
-    """All that stands still in a scene, ready to be asked often."""
+    """All that stands still in a scene, ready to be asked often by a robot of this size."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, footprint: Footprint = USUAL) -> None:
+        self.footprint = footprint
         boxes = [solid for solid in scene.firm if _is_box(solid)]
         discs = [solid for solid in scene.firm if isinstance(solid, Pillar)]
         self.others = tuple(
@@ -217,14 +238,14 @@ class Ground:
         self.boxes = self.boxes.reshape(-1, 6)
         self.discs = np.array([(*disc.at, disc.radius_m, *disc.z) for disc in discs])
         self.discs = self.discs.reshape(-1, 5)
-        self._outlines = {0.0: outline()}
+        self._outlines = {0.0: outline(0.0, footprint)}
         self._floor: Sequence[float] = (math.inf, -math.inf, 0.0, 0.0, 0.0, 0.0)  # asked first
 
     def nearest(self, place: Place, plane: Plane, from_m: float, within_m: float) -> Near:
         """The nearest thing of a height from `from_m` above the plane, less than a way off."""
         flat = (plane.x, plane.y, plane.z, plane.along_x, plane.along_y)
-        limits = (from_m, HEIGHT_M, within_m)
-        gap_m, which = _nearest(self.boxes, self.discs, place, RECT, flat, limits)
+        limits = (from_m, self.footprint.height_m, within_m)
+        gap_m, which = _nearest(self.boxes, self.discs, place, self.footprint.rect, flat, limits)
         return Near(gap_m, self.names[which]) if which >= 0 else NOTHING
 
     def level_at(self, place: Place, before_z: float) -> Plane:
@@ -238,7 +259,9 @@ class Ground:
 
     def slack_m(self, place: Place, margin_m: float) -> float:
         """How far the ground may rise or fall under the outline, where it is not all level."""
-        return SLOPE * (FRONT_M + margin_m) if self._others_at(place, margin_m) else 0.0
+        return (
+            SLOPE * (self.footprint.front_m + margin_m) if self._others_at(place, margin_m) else 0.0
+        )
 
     def at_outline(self, place: Place, plane: Plane, beyond_m: float, margin_m: float = 0.0) -> str:
         """What is under the outline of the footprint, grown by a margin, in words; "": ground.
@@ -247,15 +270,18 @@ class Ground:
             beyond_m: ground so much lower is a drop, and what rises so much an obstacle.
         """
         others = self._others_at(place, margin_m)
-        if not others and self._is_level(place, plane, REACH_M + margin_m):
+        if not others and self._is_level(place, plane, self.footprint.reach_m + margin_m):
             return ""
-        points = self._outlines.setdefault(margin_m, outline(margin_m))
+        points = self._outlines.setdefault(margin_m, outline(margin_m, self.footprint))
         x, y = placed(points, place)
         base = plane.at(x, y)
         highest = np.full(len(x), -np.inf)
         for shape in others:
             tops = shape.tops_m(x, y)
-            if shape.bottom_m < base.min() + HEIGHT_M and (tops - base >= beyond_m).any():
+            if (
+                shape.bottom_m < base.min() + self.footprint.height_m
+                and (tops - base >= beyond_m).any()
+            ):
                 return shape.name
             np.maximum(highest, np.where(tops - base < beyond_m, tops, -np.inf), out=highest)
         x0, x1, y0, y1, _, top = self.boxes.T
@@ -268,7 +294,7 @@ class Ground:
 
     def _others_at(self, place: Place, margin_m: float) -> list[Shape]:
         """What is no box and no cylinder, and near enough to be under the footprint."""
-        reach_m, (x, y, _) = REACH_M + margin_m, place
+        reach_m, (x, y, _) = self.footprint.reach_m + margin_m, place
         return [
             shape
             for shape in self.others

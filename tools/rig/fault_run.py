@@ -1,20 +1,24 @@
 """One drive with faults: a robot that is driven on whatever happens, and what became of it.
 
-The hall has walls, and a low box across it that the scanner first sees while the fault lasts. The
-planner's end is the worst there may be: it looks at nothing and asks on. So whatever stops the
-robot is mapod. Judged by the world's truth.
+The hall has walls, and a low box across it that the scanner first sees while the fault lasts; the
+small robot drives slower, and to a nearer box, for it sees less far. The planner's end is the worst
+there may be: it looks at nothing and asks on. So whatever stops the robot is mapod. Judged by the
+world's truth.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from core.config import Config
 from core.records import FREE
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, Solid
+from tools.rig.contact import Footprint
 from tools.rig.faults import Fault
 from tools.rig.judge import Judge, truth_of
 from tools.rig.loop import SHIPPED, Loop, rig_config
@@ -22,14 +26,11 @@ from tools.rig.loop import SHIPPED, Loop, rig_config
 F64 = npt.NDArray[np.float64]
 
 ROBOTS = SHIPPED.with_name("robots")
-SPEED_MPS = 0.8
 ASK_S, VALID_S = 0.1, 0.3  # between two requests, and of each
 PATIENCE_S, LET_GO_S = 1.5, 0.4  # standing in vain, and then without asking
 STEER_YAW, STEER_Y = 1.0, 0.4  # rad/s for each rad, and for each metre beside the middle
-FAULT_FROM_S = 7.5  # the box comes into sight: 8.7 m ahead
 LONGEST_S = 40.0
-BOX_X_M, BOX_HIGH_M = 12.5, 0.2
-ARRIVED_X_M = BOX_X_M - 1.5  # from here on it stands for the box
+BOX_HIGH_M = 0.2
 TAKE_EVERY = 4  # ticks: 50 times a second
 MAP_EVERY = 20
 SOLID_M = 0.15  # what is that high, or low, is not free
@@ -42,7 +43,34 @@ UNBIDDEN_S = 1.6  # the longest way to a zero: an exchange, silence, the control
 SPARE_S = 3.0  # after the time in which it has to recover
 
 
-def hall(box_x_m: float = BOX_X_M) -> Scene:
+class Course(NamedTuple):
+    """What a robot is asked to do."""
+
+    speed_mps: float
+    box_x_m: float
+    before_m: float  # so far before the box or nearer it stands for that
+    fault_from_s: float  # the box comes into sight
+    start_clear_m: float  # of ground that the operator vouches for
+
+    @property
+    def arrived_x_m(self) -> float:
+        return self.box_x_m - self.before_m
+
+
+COURSE = Course(0.8, 12.5, 1.5, 7.5, 9.0)  # 8.7 m ahead
+COURSES = {"ragno": Course(0.3, 2.2, 0.7, 5.0, 1.0)}  # 0.7 m ahead
+
+
+def course_of(robot: str) -> Course:
+    return COURSES.get(robot, COURSE)
+
+
+def footprint_of(config: Config) -> Footprint:
+    one = config.robot
+    return Footprint(one.front_m, one.rear_m, one.width_m / 2, one.height_m)
+
+
+def hall(box_x_m: float = COURSE.box_x_m, start_clear_m: float = COURSE.start_clear_m) -> Scene:
     return Scene(
         "fault hall",
         (
@@ -53,6 +81,7 @@ def hall(box_x_m: float = BOX_X_M) -> Scene:
             Solid("box", (box_x_m, box_x_m + 0.8), (-2.0, 2.0), (0.0, BOX_HIGH_M)),
             Solid("crate", (10.2, 11.0), (1.6, 2.6), (0.0, 0.6)),
         ),
+        start_clear_m=start_clear_m,
     )
 
 
@@ -62,7 +91,7 @@ class Pusher(FakePlanner):
     Where it stands in vain it lets go for a moment, as a person would try.
     """
 
-    def __init__(self, speed_mps: float = SPEED_MPS) -> None:
+    def __init__(self, speed_mps: float = COURSE.speed_mps) -> None:
         super().__init__()
         self._speed_mps = speed_mps
         self._ask_s = self._let_go_s = -math.inf
@@ -132,12 +161,13 @@ class Drive:
         scene: Scene | None = None,
         robot: str = "",
     ) -> None:
-        scene = scene or hall()
-        self.planner = Pusher()
+        self._course = course = course_of(robot)
+        scene = scene or hall(course.box_x_m, course.start_clear_m)
+        self.planner = Pusher(course.speed_mps)
         config = rig_config(scene, ROBOTS / f"{robot}.toml") if robot else None
         self.loop = Loop(scene, seed, config, self.planner)
         self.loop.set_faults(orders)
-        self._judge = Judge(scene)
+        self._judge = Judge(scene, footprint_of(self.loop.config))
         self.outcome = Outcome(*span_s)
         self._wait_s = wait_s
         self._is_sent = False  # at any tick since the last moment
@@ -152,7 +182,7 @@ class Drive:
                 self._take()
             if self.loop.ticks % MAP_EVERY == 0:
                 self._check_map()
-        fill_in(self._moments, self.outcome)
+        fill_in(self._moments, self.outcome, self._course.arrived_x_m)
         return self.outcome
 
     def _is_over(self) -> bool:
@@ -163,7 +193,7 @@ class Drive:
         if now_s < self.outcome.end_s + 1.0 or len(rest) < 25:
             return False
         stands = not any(moment.has_power for moment in rest)
-        before_box = rest[-1].x_m > ARRIVED_X_M
+        before_box = rest[-1].x_m > self._course.arrived_x_m
         return stands and (before_box or now_s > self.outcome.end_s + self._wait_s)
 
     def _take(self) -> None:
@@ -222,7 +252,9 @@ def wrong_free(loop: Loop) -> list[tuple[float, float]]:
     return [(float(x[k]), float(y[k])) for k in np.nonzero(solid)[0]]
 
 
-def fill_in(moments: Sequence[Moment], outcome: Outcome) -> None:
+def fill_in(
+    moments: Sequence[Moment], outcome: Outcome, arrived_x_m: float = COURSE.arrived_x_m
+) -> None:
     t = np.array([moment.t_s for moment in moments])
     x, y = (np.array([getattr(m, axis) for m in moments]) for axis in ("x_m", "y_m"))
     way = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
@@ -235,7 +267,7 @@ def fill_in(moments: Sequence[Moment], outcome: Outcome) -> None:
     first = int(np.searchsorted(t, outcome.start_s))
     last = int(np.searchsorted(t, outcome.end_s))
     held = round(STOOD_S * 200 / TAKE_EVERY)
-    stands = (speed < STANDS_MPS) & ~power & (x < ARRIVED_X_M)
+    stands = (speed < STANDS_MPS) & ~power & (x < arrived_x_m)
     stood = [k for k in range(first, len(t) - held) if stands[k : k + held].all()]
     outcome.blind_m = float(way[min(last, len(t) - 1)] - way[first])
     moving = np.nonzero((np.arange(len(t)) >= last) & (speed > MOVES_MPS))[0]
@@ -298,9 +330,10 @@ def harm(outcome: Outcome) -> list[str]:
     return found
 
 
-def drive_with(*faults: Fault, seed: int = 1, start_s: float = FAULT_FROM_S) -> Outcome:
-    """Faults of one robot at once."""
+def drive_with(*faults: Fault, seed: int = 1, start_s: float | None = None) -> Outcome:
+    """Faults of one robot at once; start_s: None, where the box comes into sight."""
     [robot] = {fault.robot for fault in faults}
+    start_s = course_of(robot).fault_from_s if start_s is None else start_s
     orders = [order for fault in faults for order in fault.orders(start_s)]
     end_s = start_s + max(fault.lasts_s for fault in faults)
     wait_s = sum(fault.recovers_s for fault in faults) + SPARE_S

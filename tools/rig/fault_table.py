@@ -16,8 +16,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tools.rig.fault_run import FAULT_FROM_S, Outcome, drive_with, problems, problems_of_pair
+from tools.rig.fault_run import Outcome, course_of, drive_with, problems, problems_of_pair
 from tools.rig.faults import CATALOGUE, Fault
+from tools.rig.faults_stripe import ROBOT as SMALL_ROBOT
+from tools.rig.faults_stripe import STRIPE
 from tools.rig.faults_urg04lx import ROBOT, URG04LX
 from tools.sweep.jobs import Failure, with_bar
 from tools.sweep.local import LocalProcesses
@@ -78,18 +80,31 @@ def jobs(pairs: int, rounds: int, seed: int, only: str = "") -> list[Job]:
     Pairs are the shipped robot's.
     """
     chance = random.Random(f"fault campaign {seed}")
-    chosen = [fault for fault in (*CATALOGUE, *URG04LX) if only in fault.title]
+    chosen = [fault for fault in (*CATALOGUE, *URG04LX, *STRIPE) if only in fault.title]
 
-    def start_s() -> float:
-        return round(FAULT_FROM_S + chance.uniform(EARLIER_S, LATER_S), 2)
+    def later_s() -> float:
+        return chance.uniform(EARLIER_S, LATER_S)
 
-    first = [FAULT_FROM_S, *(start_s() for _ in range(rounds - 1))]
-    found = [Job((fault,), seed + k, at_s) for fault in chosen for k, at_s in enumerate(first)]
+    def start_s(robot: str, off_s: float) -> float:
+        return round(course_of(robot).fault_from_s + off_s, 2)
+
+    first = [0.0, *(later_s() for _ in range(rounds - 1))]
+    found = [
+        Job((fault,), seed + k, start_s(fault.robot, off_s))
+        for fault in chosen
+        for k, off_s in enumerate(first)
+    ]
     noticed = [fault for fault in chosen if fault.is_noticed and not fault.robot]
     for _ in range(pairs if noticed else 0):
         one = chance.choice(noticed)
         others = [f for f in CATALOGUE if f.device != one.device and f.is_noticed]
-        found.append(Job((one, chance.choice(others)), seed + len(found), start_s()))
+        found.append(
+            Job(
+                (one, chance.choice(others)),
+                seed + len(found),
+                start_s("", later_s()),
+            )
+        )
     return found
 
 
@@ -143,7 +158,7 @@ def _seconds(seconds: float | None, none: str) -> str:
 
 
 def summary(rows: Sequence[Row]) -> Iterator[tuple[str, ...]]:
-    for group in ("scanner", "ahrs", "drive", "planner", ROBOT, "pairs"):
+    for group in ("scanner", "ahrs", "drive", "planner", ROBOT, SMALL_ROBOT, "pairs"):
         chosen = [row for row in rows if row.job.group == group]
         outcomes = [row.outcome for row in chosen if row.outcome is not None]
         stood = [one for one in outcomes if one.stood_s is not None]

@@ -1,7 +1,7 @@
 """The truth of a run: what the robot touched, what it went over, how it moved. 50 times a second.
 
 A collision is any overlap of the robot's footprint with something solid that rises 0.15 m or more
-above the ground on which it stands and begins below its height of 1.30 m; with a person; or with
+above the ground on which it stands and begins below its height; with a person; or with
 ground 0.15 m or more below. Glass is solid, grass and the like are not. Something that lasts is
 counted once. Who or what comes to a robot that has stood for half a second is counted apart.
 
@@ -20,10 +20,9 @@ from fakes.scenes.scene import Scene
 from fakes.world.rig import AnyWorld
 from fakes.world.world import World
 from tools.rig.contact import (
-    HEIGHT_M,
     NOTHING,
-    REACH_M,
-    RECT,
+    USUAL,
+    Footprint,
     Ground,
     Near,
     Place,
@@ -84,8 +83,8 @@ def truth_of(world: AnyWorld, since_s: float) -> Truth:
 class Judge:
     """One run in one scene; `step` with each truth, in order."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene, self.ground = scene, Ground(scene)
+    def __init__(self, scene: Scene, footprint: Footprint = USUAL) -> None:
+        self.scene, self.ground = scene, Ground(scene, footprint)
         self.collisions: list[Contact] = []  # that count
         self.bumps: list[Contact] = []  # that came to a robot that stood
         self.v_mps = self.w_radps = 0.0  # how it truly moves: forward, counter-clockwise
@@ -101,8 +100,13 @@ class Judge:
         return plane_under(now.place, now.height_m, now.pitch_rad, now.roll_rad)
 
     @property
+    def _speed_mps(self) -> float:
+        """Of its fastest point, at most."""
+        return abs(self.v_mps) + self.ground.footprint.reach_m * abs(self.w_radps)
+
+    @property
     def is_driving(self) -> bool:
-        return abs(self.v_mps) + REACH_M * abs(self.w_radps) > DRIVING_MPS
+        return self._speed_mps > DRIVING_MPS
 
     def step(self, truth: Truth) -> None:
         if self._began:
@@ -145,22 +149,23 @@ class Judge:
         self._touched[what] = now_s
         if now_s - before_s < AGAIN_S:
             return
-        contact = Contact(now_s, kind, what, x, y, abs(self.v_mps) + REACH_M * abs(self.w_radps))
+        contact = Contact(now_s, kind, what, x, y, self._speed_mps)
         comes = kind == "person" or any(mover.name == what for mover in self.scene.movers)
         (self.bumps if comes and self.stands_s >= STOOD_S else self.collisions).append(contact)
 
     def nearest_mover(self, from_m: float, place: Place | None = None) -> Near:
         """The nearest part, where it is now, of what moves by a timetable."""
         place, best, plane = place or self.truth.place, NOTHING, self.plane
+        rect, height_m = self.ground.footprint.rect, self.ground.footprint.height_m
         for mover in self.scene.movers:
             for part in parts_of(mover, self.truth.since_s):
                 low_m, high_m = part[-2:]
-                if high_m - plane.z < from_m or low_m - plane.z >= HEIGHT_M:
+                if high_m - plane.z < from_m or low_m - plane.z >= height_m:
                     continue
                 if len(part) == 6:
-                    gap_m = box_gap(place, RECT, (part[0], part[1], part[2], part[3]))
+                    gap_m = box_gap(place, rect, (part[0], part[1], part[2], part[3]))
                 else:
-                    gap_m = disc_gap(place, RECT, part[0], part[1], part[2])
+                    gap_m = disc_gap(place, rect, part[0], part[1], part[2])
                 if gap_m < min(best.gap_m, LOOK_M):
                     best = Near(gap_m, mover.name)
         return best
@@ -170,7 +175,7 @@ class Judge:
         place, best = place or self.truth.place, NOTHING
         people = NOBODY if self.truth.people is None else self.truth.people
         for number, (x, y, radius_m) in enumerate(people.tolist()):
-            gap_m = disc_gap(place, RECT, x, y, radius_m)
+            gap_m = disc_gap(place, self.ground.footprint.rect, x, y, radius_m)
             if gap_m < min(best.gap_m, LOOK_M):
                 best = Near(gap_m, f"person {number + 1}")
         return best

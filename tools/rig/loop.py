@@ -21,9 +21,9 @@ from fakes.scenes.scene import Scene
 from fakes.wires.wire import DatagramWire, MemoryPort, Wire
 from fakes.world.error_models import ErrorModels
 from fakes.world.rig import DEFAULT_SCANNER, SCANNERS, AnyWorld, Rig
-from fakes.world.robot import Mount
+from fakes.world.robot import BODY, Mount, body_with
 from mapod_link.receiver import Receiver
-from tools.settings import lens_of
+from tools.settings import lens_of, wheels_of
 
 SHIPPED = Path(__file__).resolve().parents[2] / "mapod.toml"
 START_S = 1000.0
@@ -92,7 +92,10 @@ class Loop:
         scanner = DEFAULT_SCANNER if config is None else config.scanner.driver
         scanner = scanner if scanner in SCANNERS else DEFAULT_SCANNER  # the caller has its own
         mount = None if config is None else Mount(*lens_of(config))
-        self.rig = Rig(scene, seed, drives=drives, errors=errors, scanner=scanner, mount=mount)
+        body = BODY if config is None else body_with(*wheels_of(config))
+        self.rig = Rig(
+            scene, seed, drives=drives, errors=errors, scanner=scanner, mount=mount, body=body
+        )
         self.config = config or rig_config(self.rig.world.scene)
         if not drives:  # a vehicle that is driven from the PC has the watchdog on
             self.rig.drive.parameters[0x00], self.rig.drive.mode = WATCHDOG, "rs232_watchdog"

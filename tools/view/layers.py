@@ -24,6 +24,9 @@ UNITS = {
     "z": ("m", "height in the map frame"),
     "edge": ("m", "way to the next edge"),
     "foothold": ("", "foothold: 0 none, 1 good"),
+    "filled": ("m", "height in the map frame, filled in"),
+    "filled_sigma": ("m", "1 sigma of the height filled in"),
+    "foothold_sigma": ("m", "largest 1 sigma under the foot"),
 }
 RANGES = {"edge": (0.0, 0.5), "foothold": (0.0, 1.0)}  # of those that end somewhere: the whole
 OF_A_CELL = ("height", "variance", "slope", "cause", "age", "z")  # asked for of a single one

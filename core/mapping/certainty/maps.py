@@ -15,7 +15,7 @@ from core.config import Config
 from core.geometry import R_from_rpy
 from core.grid.ring import RingGrid
 from core.grid.touched import Touched
-from core.grid.window import ObstacleWindow
+from core.grid.window import ObstacleWindow, Shown
 from core.mapping import layers
 from core.mapping.body import BodyPose, body_pose_at
 from core.mapping.certainty import scans
@@ -31,6 +31,7 @@ from core.mapping.terrain import JUDGED, around, terrain_of
 from core.motion.attitude import AttitudeRing
 from core.motion.track import Track
 from core.records import F64, I32, I64, U8, PointSweep, Scan
+from jit import Settled, kernel
 
 AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
 HEIGHTS = ("z", "height")
@@ -59,6 +60,37 @@ class Kept:
             return Look(self.ranges_m[:0], math.nan)
         turned_rad = judged.turn_rad - self.turn_rad
         return Look(self.ranges_m[:n], turned_rad / step_rad if step_rad else 0.0)
+
+
+@kernel
+def map_scan(
+    points: F64,
+    limits_m: F64,
+    kept: U8,
+    t_s: float,
+    room: tuple[Pass, Touched, Touched],
+    cells: Cells,
+    body: BodyPose,
+    oldest_s: float,
+    rules: Rules,
+    shown: Shown,
+    used: int,
+) -> tuple[int, int]:
+    """Readings (n, 3) into cells, the filter, and what that means.
+
+    Args:
+        room: for the cells that are met, those and their neighbours, and the neighbours of these.
+
+    Returns:
+        How many readings fell into the map, and how many cells of the window have changed.
+    """
+    one, near, about = room
+    count = gather(points, limits_m, kept, body, rules, cells.ring, one)
+    update(one, t_s, cells, rules)
+    widen(one.met, cells.ring, near)
+    mark(near, cells, rules)
+    widen(near, cells.ring, about)
+    return count, decide(about.at[: about.used[0]], cells, body, oldest_s, rules, shown, used)
 
 
 def rules_of(config: Config) -> Rules:
@@ -107,6 +139,8 @@ class CertaintyMaps:
         self._scans = [Kept(beams) for _ in range(3)]  # the oldest first
         self._room: U8 = np.zeros(beams, dtype=np.uint8)
         self._body = AT_START
+        self._step_rad, self._changes = 0.0, changes_of(config, 0.0)
+        self._limits_of, self._map_scan = Settled(limits_of), Settled(map_scan)
         self._yaw_rad = self._turned_rad = 0.0  # of the body; without its jumps by a whole turn
 
     def warm(self) -> None:
@@ -161,8 +195,10 @@ class CertaintyMaps:
         roll, pitch, yaw = rpy_rad
         origin = np.array([self._body.x_m, self._body.y_m, self._body.z_m])
         frame = frame_of((roll, pitch, yaw - yaw_start_rad), origin, self._R_body_sensor)
-        changes = changes_of(self._config, scan.step_rad)
-        limits_of(points, rays.rays, ranges_m, frame, changes, newest.limits_m[:n])
+        if self._step_rad != scan.step_rad:
+            self._step_rad = scan.step_rad
+            self._changes = changes_of(self._config, scan.step_rad)
+        self._limits_of(points, rays.rays, ranges_m, frame, self._changes, newest.limits_m[:n])
 
     def _map_due(self) -> int:
         """The newest scan, or the one before it where three are looked at."""
@@ -181,13 +217,9 @@ class CertaintyMaps:
 
     def _map(self, points: F64, limits_m: F64, kept: U8, t_s: float) -> int:
         """Readings into cells, the filter, and what that means; how many fell into the map."""
-        cells, met = self.cells, self._pass.met
-        used = gather(points, limits_m, kept, self._body, self._rules, cells.ring, self._pass)
-        update(self._pass, t_s, cells, self._rules)
-        widen(met, cells.ring, self._near)
-        mark(self._near, cells, self._rules)
-        widen(self._near, cells.ring, self._about)
-        self._decide(self._about.at[: self._about.used[0]])
+        room, window = (self._pass, self._near, self._about), self.window
+        given = self.cells, self._body, self.fresh.oldest_s, self._rules, window.shown, window.used
+        used, window.used = self._map_scan(points, limits_m, kept, t_s, room, *given)
         return used
 
     def _decide(self, listed: I32) -> None:
@@ -241,7 +273,11 @@ class CertaintyMaps:
         z_m, low_m = np.full((2, self.grid.size, self.grid.size), math.nan)
         z_m.reshape(-1)[at] = self._heights_m(at, False)
         low_m.reshape(-1)[at] = self.cells.low_m[at]
-        return Ground(self.grid, z_m, low_m)
+        return Ground(self.grid, z_m, low_m, np.zeros(z_m.shape))
+
+    def filled_at(self, at: I64) -> Ground:
+        """The same: nothing tells how sure the fill of (11) is."""
+        return self.ground_at(at)
 
     def causes(self, i: I64, j: I64) -> F64:
         found: U8 = np.zeros(i.size, dtype=np.uint8)

@@ -224,6 +224,9 @@ class ReferencePlaneMaps:
     def ground_at(self, at: I64) -> Ground:
         raise NotImplementedError("there is none")
 
+    def filled_at(self, at: I64) -> Ground:
+        raise NotImplementedError("there is none")
+
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """Nothing that is not in its layers."""
         return {}

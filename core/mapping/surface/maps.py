@@ -246,6 +246,11 @@ class SurfaceMaps:
         """What feet may stand on, at flat indices (n,)."""
         return layers.surface_ground(self.cells, self.static_rad, self.grid, at)
 
+    def filled_at(self, at: I64) -> Ground:
+        """The same, and there what lies around tells of cells that were not measured."""
+        h_pos_m = self._limits.h_pos_m
+        return layers.filled_ground(self.cells, self.static_rad, self.grid, h_pos_m, at)
+
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell, by what it counts."""
         record = self.cells[j % self.grid.size, i % self.grid.size]

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.grid.ring import RingGrid
-from core.mapping.footing import FOOTING, Footing, Ground, footing_of
+from core.mapping.footing import Footing, Ground, footing_of
 from core.mapping.layers import surface_ground, view_of
 from core.mapping.surface.cells import BLANK, CELL
 from core.mapping.surface.constants import LIKELY
@@ -28,7 +28,7 @@ def ground_of(heights: Heights, grid: RingGrid) -> Ground:
     for (i, j), (high, low) in heights.items():
         at = (grid.corner_j + j) % SIZE, (grid.corner_i + i) % SIZE
         z_m[at], low_m[at] = high, low
-    return Ground(grid, z_m, low_m)
+    return Ground(grid, z_m, low_m, np.zeros(z_m.shape))
 
 
 def judged(name: str, heights: Heights, footing: Footing = FOOT, shift: int = 0) -> F64:
@@ -154,6 +154,26 @@ def test_no_foot_stands_where_something_under_it_is_not_known() -> None:
     assert edges_m[8, 8] == pytest.approx(0.2 * math.sqrt(2))
 
 
+def test_a_filled_height_counts_as_far_as_it_can_hide_no_edge() -> None:
+    """At most step / GATE off, on level ground; and less where it lies higher already."""
+    grid, everywhere = RingGrid(SIZE, CELL_M), np.arange(SIZE**2)
+    for up_m, sigma_m, is_known in ((0.0, 0.016, True), (0.0, 0.017, False), (0.02, 0.011, False)):
+        heights = flat() | {(7, 7): (up_m, up_m), (7, 8): (0.03, 0.03)}
+        ground = ground_of(heights, grid)
+        where = (grid.corner_j + 7) % SIZE, (grid.corner_i + 7) % SIZE
+        ground.sigma_m[where] = sigma_m
+        foothold, sigma = (
+            footing_of(name, ground, everywhere, FOOT).reshape(SIZE, SIZE)
+            for name in ("foothold", "foothold_sigma")
+        )
+        under = where[0], (where[1] + 1) % SIZE  # the foot touches it from beside
+        assert np.isfinite(foothold[under]) == np.isfinite(sigma[under]) == is_known, sigma_m
+        if is_known:
+            assert sigma[under] == sigma_m
+        away = where[0], (where[1] + 4) % SIZE
+        assert (foothold[away], sigma[away]) == (1.0, 0.0)
+
+
 @pytest.mark.parametrize(("slope_deg", "score"), [(4.0, 1.0), (8.0, 0.8), (12.5, 0.5), (21.0, 0.0)])
 def test_a_steeper_ramp_is_a_worse_foothold(slope_deg: float, score: float) -> None:
     rise_m = CELL_M * math.tan(math.radians(slope_deg))
@@ -175,7 +195,21 @@ def test_of_the_surface_soft_things_are_no_ground_and_low_beams_are_its_lowest()
     assert (ground.z_m[3, 4], ground.low_m[3, 4]) == (0.75, 0.75)
     assert (ground.z_m[3, 5], ground.low_m[3, 5]) == (0.5, 0.375)
     edges_m, footholds = (
-        footing_of(name, ground, np.arange(SIZE**2), FOOT).reshape(SIZE, SIZE) for name in FOOTING
+        footing_of(name, ground, np.arange(SIZE**2), FOOT).reshape(SIZE, SIZE)
+        for name in ("edge", "foothold")
     )
     assert (edges_m[3, 5], footholds[3, 5]) == (0.0, 0.0)
     assert np.isnan([edges_m[3, 3], footholds[3, 3], footholds[3, 2]]).all()
+
+
+def test_a_foot_needs_its_middle_and_half_of_what_it_touches_to_be_measured() -> None:
+    """Else a pit that nobody saw would be bridged by what lies around it."""
+    grid, everywhere, middle = RingGrid(SIZE, CELL_M), np.arange(SIZE**2), (7, 7)
+    touched = [at for at in itertools.product((6, 7, 8), repeat=2) if at != middle]
+    for filled, is_known in ((touched[:4], True), (touched[:5], False), ([middle], False)):
+        ground = ground_of(flat(), grid)
+        for i, j in filled:
+            ground.sigma_m[(grid.corner_j + j) % SIZE, (grid.corner_i + i) % SIZE] = 1e-3
+        footholds = footing_of("foothold", ground, everywhere, FOOT).reshape(SIZE, SIZE)
+        told = footholds[(grid.corner_j + 7) % SIZE, (grid.corner_i + 7) % SIZE]
+        assert np.isfinite(told) == is_known, filled

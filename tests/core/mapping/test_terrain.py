@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from core.grid.ring import RingGrid
 from core.mapping.footing import FOOTING
-from core.mapping.layers import UNITS, maybe_surface_ring, view_of
+from core.mapping.layers import FILL, UNITS, maybe_surface_ring, view_of
 from core.mapping.surface.cells import BLANK, CELL, Cells
 from core.mapping.surface.constants import LIKELY
 from core.mapping.terrain import around, terrain_of
@@ -159,7 +159,7 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     i, j = grid.cell_of(3.1, -2.1)
     cell = ground.put(i, j, 0.4, 0.1, var_m2=0.01, soft=LIKELY, under_m=-0.2)
     expected = {"height": 0.1, "variance": 0.01, "z": 0.4, "step": 0.3, "soft": 1}
-    for name in UNITS.keys() - {"state", *FOOTING}:
+    for name in UNITS.keys() - {"state", *FOOTING, *FILL}:
         found = maybe_surface_ring(name, ground.cells, np.zeros(2), grid)
         assert found is not None
         view = view_of(name, *found)

@@ -10,13 +10,14 @@ from msgspec.structs import replace
 from config_file import load_config, with_changes
 from core.mapping.causes import CAUSES, FLOOR, NO_SCANS, OUTSIDE, state_of
 from core.mapping.footing import FOOTING
+from core.mapping.layers import FILL
 from core.mapping.tiles import MOST_POINTS, TileValues
 from core.records import FREE, OBSTACLE, Scan
 from tests import ROOT
 from tests.support.cases import examples
 from tests.support.closed_loop import START_S, ClosedLoop
 
-LAYERS = ("state", "height", "variance", "slope", "z", "edge", "foothold")
+LAYERS = ("state", "height", "variance", "slope", "z", *FOOTING, *FILL)
 F32 = npt.NDArray[np.float32]
 
 
@@ -86,7 +87,10 @@ def test_what_is_not_trusted_tells_of_obstacles_alone(driven: ClosedLoop) -> Non
         held = tiles.values(layer, *rectangle)
         if held is not None:
             assert np.isnan(held[states != OBSTACLE]).all()
-            if layer in FOOTING:  # "there a foot can stand" says more than an obstacle does
+            if layer in (
+                *FOOTING,
+                *FILL,
+            ):  # "there a foot can stand" says more than an obstacle does
                 assert np.isnan(held).all()
             elif layer != "slope":  # the ground under what stands was not seen
                 assert not np.isnan(held[states == OBSTACLE]).all()

@@ -18,8 +18,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from core.records import DepthImage
 from fakes.programs.serving import MOST_S, Pace
+from hw.ports.wires import open_port, ports_beside
+from hw.visionary.camera import Visionary
 from tests import ROOT
+from tests.support.bench_visionary import options_of
 
 PYTHON = (sys.executable, "-m")
 PATIENCE_S = 60.0  # bounds what a hung process can cost
@@ -214,6 +218,24 @@ def test_a_camera_with_a_laser_streams_alone_and_in_the_rig(
         client.sendall(b"GET /stream HTTP/1.0\r\n\r\n")
         got = read_until(lambda got: got.count(b"\xff\xd9\r\n--imagefollows") > 2, client.fileno())
     assert got.startswith(b"HTTP/1.0 200 OK\r\n")
+
+
+def test_a_depth_camera_gives_images_to_its_driver_on_two_ports(start: Start) -> None:
+    program = start("fakes.programs.visionary", "--port", "0", "--stream-port", "0", "--model", "t")
+    camera = Visionary(
+        open_port(program.url("control")),
+        options_of(control="cola_b"),
+        ports_beside(program.url("control")),
+    )
+    images: list[DepthImage] = []
+    end_s = time.monotonic() + PATIENCE_S
+    while len(images) < 3 and time.monotonic() < end_s:
+        images += camera.step(time.monotonic())
+        time.sleep(0.002)
+    camera.stop()
+    camera.port.close()
+    assert [image.numbers.shape for image in images[:3]] == [(144, 176)] * 3
+    assert camera.identity.startswith("Visionary-T CX")
 
 
 def test_the_list_of_faults_tells_all_and_ends() -> None:

@@ -10,7 +10,7 @@ import pytest
 from fakes.scenes.scene import Scene, Solid, load_scene
 from fakes.world.error_models import ErrorModels, as_the_sheets_say
 from fakes.world.rig import Rig
-from fakes.world.robot import Mount
+from fakes.world.robot import SMALL, Mount
 from fakes.world.rotations import R_from_angles
 from fakes.world.world import STEP_S, World
 from tests.support.flat_floor import F64, FLAT, FLOOR, TILT, driven, rims_m
@@ -173,3 +173,19 @@ def test_instants_are_where_the_robot_was_then_and_the_rate_of_turn_is_the_yaws_
     rates = [turning.motion_at(t)[1][2] for t in np.linspace(52.7, 52.9, 50)]
     assert float(np.mean(rates)) == pytest.approx(slope, rel=0.01)
     assert slope > 0.3
+
+
+def test_the_small_robot_rests_level_and_drives_as_its_wheels_are() -> None:
+    world = World("corridor", 1, body=SMALL)
+    world.step_to(1000.0)
+    world.step_to(1001.0)
+    world.wheels.set_power(0.3, 0.3)
+    world.step_to(1003.0)
+    x_m, y_m, *angles = world.pose()
+    assert 0.4 < x_m < 0.62  # 2 s at 0.3 m/s, less the time to get there
+    assert world.wheels.counts()[0] / 2000 * math.tau * SMALL.wheel_radius_m == pytest.approx(
+        x_m, rel=0.05
+    )
+    assert abs(y_m) < 0.02
+    assert max(map(abs, angles)) < 0.02
+    assert abs(world.height_m()) < 0.002

@@ -50,16 +50,21 @@ def test_values_are_packed_as_a_slow_model_packs_them(values: list[float], trust
     assert pack_values(6, array, trusted) == pack_values(1, array, trusted)
     edges = np.frombuffer(pack_values(7, array, trusted), "<u2")
     footholds = np.frombuffer(pack_values(8, array, trusted), "<u2")
+    assert pack_values(9, array, trusted) == pack_values(1, array, trusted)
+    sigmas = np.frombuffer(pack_values(10, array, trusted), "<u2")
+    assert pack_values(11, array, trusted) == pack_values(10, array, trusted)
     for k, value in enumerate(array.tolist()):
         if math.isnan(value):
             assert (heights[k], variances[k], slopes[k]) == (-32_768, 65_535, 65_535)
-            assert ages[k] == edges[k] == footholds[k] == 65_535
+            assert ages[k] == edges[k] == footholds[k] == sigmas[k] == 65_535
             continue
         assert heights[k] == pytest.approx(max(-32_767, min(32_767, value * 1e3)), abs=0.501)
         least = max(0.0, min(65_534.0, value * 1e6))
         assert least - 1e-3 <= variances[k] <= least + 1.001
         older = max(0.0, min(65_534.0, value * 10))
         assert older - 1e-3 <= ages[k] <= older + 1.001
+        wider = max(0.0, min(65_534.0, value * 1e4))
+        assert wider - 1e-3 <= sigmas[k] <= wider + 1.001
         assert slopes[k] == pytest.approx(max(0, min(65_534, value * 1e4)), abs=0.501)
         assert edges[k] == pytest.approx(max(0, min(65_534, value * 1e3)), abs=0.501)
         assert footholds[k] == pytest.approx(max(0, min(10_000, value * 1e4)), abs=0.501)
@@ -133,7 +138,7 @@ def test_a_tile_waits_for_changes_and_leaves_the_refresh_its_share() -> None:
 
 @pytest.mark.parametrize(
     ("rectangle", "layer", "status"),
-    [((0, 0, 0, 5), 1, 2), ((0, 0, 402, 401), 1, 2), ((0, 0, 5, 5), 3, 1), ((0, 0, 5, 5), 9, 1)],
+    [((0, 0, 0, 5), 1, 2), ((0, 0, 402, 401), 1, 2), ((0, 0, 5, 5), 3, 1), ((0, 0, 5, 5), 12, 1)],
 )
 def test_a_tile_that_cannot_be_had_is_answered_by_its_status(
     rectangle: tuple[int, int, int, int], layer: int, status: int

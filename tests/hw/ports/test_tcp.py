@@ -12,7 +12,7 @@ import pytest
 from hw.device import Port, Reopens
 from hw.ports.reopening import BACKLOG, CHEAP_LAST_S, READ_SIZE, RETRY_FIRST_S, SILENCE_S
 from hw.ports.sockets import CONNECT_S, TcpPort
-from hw.ports.wires import PortUrlError, open_port
+from hw.ports.wires import PortUrlError, open_port, ports_beside
 from tests.support.real_wires import START_S, is_lost, opened, read_all, until
 
 TICK_S = 0.005
@@ -204,3 +204,11 @@ def test_a_host_without_an_address_is_an_error() -> None:
     with contextlib.closing(open_port("udp://[::1]:9750")) as port:
         assert port.cause == "not opened yet"
     assert CHEAP_LAST_S <= CONNECT_S
+
+
+def test_a_port_beside_another_is_of_the_same_host(listener: socket.socket) -> None:
+    number = listener.getsockname()[1]
+    with contextlib.closing(ports_beside("tcp://127.0.0.1:1")(number)) as port:
+        connected(listener, port).close()
+    with pytest.raises(PortUrlError, match="must be tcp://host:port"):
+        ports_beside("udp://127.0.0.1:1")

@@ -36,6 +36,13 @@ from hw.ports.url import PortUrlError, parse_url
         ("serial:///dev/mti?baud=9600&baud=9600", "given once"),
         ("serial:///dev/mti?baud=9600&rtscts=1", "unknown key 'rtscts'"),
         ("serial:///dev/mti?baud", "is not key=value"),
+        ("v4l2:///dev/video0?width=640&height=480", "rate must be within 1..120, is missing"),
+        ("v4l2:///dev/video0?width=0&height=480&rate=30", "width must be within 32..4096, is '0'"),
+        ("v4l2:///dev/video0?width=640&height=480&rate=30&gain=1", "unknown key 'gain'"),
+        ("v4l2:///dev/video0?width=640&height=480&rate=9&exposure_us=", "within 100..1000000"),
+        ("v4l2://dev/video0", "as in v4l2:///dev/video0"),
+        ("folder://images", "as in folder:///tmp/images"),
+        ("folder:///images?loop=1", "nothing may follow the path"),
     ],
 )
 def test_a_url_that_means_nothing_says_what_is_allowed(url: str, part: str) -> None:
@@ -51,6 +58,11 @@ def test_a_url_of_each_kind_is_understood() -> None:
     line = parse_url("serial:///dev/pts/3?stopbits=2&baud=38400&parity=O")
     assert (line.path, line.baud, line.parity) == ("/dev/pts/3", 38400, "O")
     assert (line.bytesize, line.stopbits) == (8, 2)
+    camera = parse_url("v4l2:///dev/video0?width=640&height=480&rate=30&exposure_us=2000")
+    assert (camera.path, camera.size, camera.rate_hz) == ("/dev/video0", (640, 480), 30)
+    assert (camera.exposure_us, camera.baud) == (2000, None)
+    folder = parse_url("folder:///tmp/images")
+    assert (folder.kind, folder.path) == ("folder", "/tmp/images")
     assert doctest.testmod(port_url).failed == 0
 
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw.stripe.jpeg import TORN, UNCHECKED, fault_of_image
+from hw.stripe.jpeg import TORN, UNCHECKED, fault_of_image, with_tables
 from tests.hw.stripe.pictures import Picture, slope
 from tests.support.cases import examples
 
@@ -60,6 +60,18 @@ def test_of_tears_of_twenty_bytes_most_are_found_of_a_hundred_nearly_all() -> No
 
     assert found(20) > 120
     assert found(100) > 190
+
+
+def test_an_image_without_tables_has_the_usual_ones() -> None:
+    bare = USUAL
+    while (at := bare.find(b"\xff\xc4")) > 0:
+        bare = bare[:at] + bare[at + 2 + int.from_bytes(bare[at + 2 : at + 4], "big") :]
+    assert fault_of_image(bare) == UNCHECKED
+    whole = with_tables(bare)
+    assert fault_of_image(whole) == ""
+    shown = [Image.open(io.BytesIO(data)).tobytes() for data in (whole, USUAL)]
+    assert shown[0] == shown[1]
+    assert with_tables(USUAL) == USUAL
 
 
 def test_what_cannot_be_checked_is_told() -> None:

@@ -8,10 +8,9 @@ import pytest
 from core.mapping.rays import check_sweep
 from core.records import PointSweep
 from fakes.wires.wire import MemoryPort
-from hw.device import BadFrame
 from hw.registry import SCANNERS, Surroundings
 from hw.stripe import images
-from hw.stripe.images import MISSING, Decoder, images_in
+from hw.stripe.images import MISSING
 from hw.stripe.session import PAUSE_S, StripeScanner
 from tests.hw.stripe.pictures import Picture
 from tests.hw.stripe.test_mjpeg import HEAD, part
@@ -167,14 +166,3 @@ def test_without_opencv_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
     bench.run(seconds=1.0)
     assert bench.told == ("starting", MISSING)
     assert bench.asked == b""
-
-
-def test_a_folder_of_images_is_read_with_its_times(tmp_path: Any) -> None:
-    (tmp_path / "img_000001.jpg").write_bytes(NEAR)
-    (tmp_path / "img_000002.jpg").write_bytes(SMALL)
-    cv2.imwrite(str(tmp_path / "img_000003.png"), np.zeros((480, 640, 3), np.uint8))
-    lines = ("img_000001.jpg,1.5", "img_000002.jpg,1.6", "img_000003.png,1.7", "gone.jpg,1.8", "x")
-    (tmp_path / "times.csv").write_text("\n".join(lines) + "\n")
-    found = list(images_in(tmp_path, Decoder((640, 480))))
-    assert [t_s for t_s, _ in found][:3] == [1.5, 1.6, 1.7]
-    assert [isinstance(image, BadFrame) for _, image in found] == [False, True, False, True, True]

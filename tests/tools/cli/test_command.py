@@ -18,6 +18,7 @@ from tools.cli.command import COMMANDS, help_text, main
 def test_every_file_of_a_command_is_in_the_table_and_in_the_help() -> None:
     parts = {
         "__init__",
+        "calibrate_camera",
         "calibrate_range",
         "calibrate_stripe",
         "command",

@@ -1,16 +1,20 @@
 """`mapod devices` against fakes on simulated lines: which device speaks where, what it prints."""
 
 import re
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from fakes.ax3500.device import FakeAx3500
 from fakes.lms1xx.device import FakeLms111
+from fakes.stripe.video import FakeVideo
 from fakes.urg04lx.device import FakeUrg04lx
 from hw.ports.url import parse_url
 from tests import Capsys, Patch
+from tests.support.plain_user import as_plain_user
 from tests.support.real_time import StillWheels, level_sensor
 from tests.support.simulated_lines import SimulatedLines
 from tools.cli import devices, scip
@@ -106,5 +110,27 @@ def test_a_machine_without_ports_is_told_so(capsys: Capsys, monkeypatch: Patch) 
     monkeypatch.setattr(devices, "LIST_PORTS", list)
     assert devices.main([]) == 1
     told = capsys.readouterr().err
-    assert "this machine lists no serial port: plug the adapters in" in told
+    assert "this machine lists no serial port and no camera: plug the adapters in" in told
     assert len(told.splitlines()) == 1
+
+
+def test_a_camera_is_told_with_what_it_gives(tmp_path: Path) -> None:
+    video, node = FakeVideo(), tmp_path / "video0"
+    kernel: Any = video
+
+    def says() -> str:
+        return devices.find_camera(str(node), kernel).says
+
+    assert says() == "No such device"
+    node.touch()
+    found = devices.find_camera(str(node), kernel)
+    assert found.says == "camera 'Fake camera' with MJPEG"
+    lines = list(toml_lines([found]))
+    assert lines[1] == 'driver = "stripe"  # its other keys: mapod init --robot ragno'
+    assert parse_url(lines[2].partition('"')[2][:-1]).path == str(node)
+    video.formats = [b"YUYV"]
+    assert says().startswith("gives no MJPEG, but YUYV")
+    assert not video.is_open
+    node.chmod(0)
+    told = as_plain_user(lambda: devices.find_camera(str(node), kernel).says)
+    assert told.startswith("no permission for it: join its group, ")

@@ -11,6 +11,7 @@ import pytest
 
 from config_file import load_config, with_changes
 from hw.ports.url import parse_url
+from hw.ports.v4l2 import KERNEL
 from tests import ROOT
 from tests.support.plain_user import as_plain_user
 from tests.support.real_wires import pty_at
@@ -43,6 +44,18 @@ def test_a_line_that_is_there_absent_no_line_or_not_permitted(tmp_path: Path) ->
     absent = wires.of_line("ahrs", f"{tmp_path}/mti")
     assert (absent.level, absent.says) == ("warning", f"{tmp_path}/mti: No such file or directory")
     assert "is no serial line" in wires.of_line("drive", str(tmp_path)).says
+
+
+def test_a_camera_that_is_none_and_a_folder_without_images(tmp_path: Path) -> None:
+    assert "video0: No such file" in wires.of_camera("scanner", f"{tmp_path}/video0", KERNEL).says
+    assert "is no camera" in wires.of_camera("scanner", str(tmp_path), KERNEL).says
+    assert "/dev/null is no camera" in wires.of_camera("scanner", "/dev/null", KERNEL).says
+    absent = wires.of_folder("scanner", str(tmp_path))
+    assert (absent.level, "times.csv" in absent.says) == ("warning", True)
+    (tmp_path / "1.jpg").write_bytes(b"an image")
+    (tmp_path / "times.csv").write_text("1.jpg,1.0\n1.jpg,1.5\n")
+    there = wires.of_folder("scanner", str(tmp_path))
+    assert (there.level, "2 images over 0.5 s" in there.says) == ("OK", True)
 
 
 @pytest.mark.parametrize(("held", "levels"), [("16", ["warning"]), ("1", []), (None, [])])

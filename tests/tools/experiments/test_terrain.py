@@ -12,12 +12,12 @@ from core.records import F64, Scan
 from fakes.scenes.solids import Solid
 from tools.experiments.terrain import scenes
 from tools.experiments.terrain.__main__ import main
+from tools.experiments.terrain.feet import FEET, feet_on, filled_figures, true_step_m
 from tools.experiments.terrain.measure import figures, truth_of, width_and_height_m
 from tools.experiments.terrain.methods import NAMES, SHADED, Region, settings_of
 from tools.experiments.terrain.pictures import BLUE, RED, WHITE, pixels_of
 from tools.experiments.terrain.report import BEGIN, END, quartiles, with_tables
 from tools.experiments.terrain.ride import STEADY, WALKING, Gait, Ride
-from tools.experiments.terrain.sensors import Urg
 from tools.experiments.terrain.trials import (
     BY_STRIPE,
     STEEP,
@@ -26,6 +26,7 @@ from tools.experiments.terrain.trials import (
     sizes_off,
     thing_seen,
 )
+from tools.experiments.terrain.urg import Urg
 
 SEED = 1001  # not one of those that are judged
 CELL_M = 0.010
@@ -78,6 +79,36 @@ def test_what_lies_between_the_lowest_and_the_highest_of_its_cell_is_right() -> 
     assert math.isnan(figures(np.full(told.shape, np.nan), truth).rms_m)
     pixels = pixels_of(told, truth)
     assert [tuple(pixels[0, k]) for k in (0, 1, 3)] == [RED, BLUE, WHITE]
+
+
+def test_a_foot_is_safe_by_the_truth_alone_and_the_best_ones_stand_apart() -> None:
+    scene = scenes.scene("box", Solid("box", (0.5, 1.0), (-0.5, 0.5), (0.0, 0.08)))
+    assert true_step_m(scene, 0.3, 0.0) == 0.0
+    assert true_step_m(scene, 0.45, 0.0) == pytest.approx(0.08)
+    region = Region((0.0, 1.0), (-0.5, 0.5), CELL_M)
+    wrong, nothing = np.ones((100, 100)), np.zeros((100, 100))  # a map that takes all for good
+    feet = feet_on(wrong, nothing, scene, region, SEED)
+    assert feet.found == FEET
+    assert feet.safe < FEET
+    assert feet.worst_m == pytest.approx(0.08)
+    best = np.where(np.arange(100) < 40, wrong, 0.0)  # but none at the box
+    feet = feet_on(best, nothing, scene, region, SEED)
+    assert (feet.safe, feet.worst_m) == (feet.found, 0.0)
+    assert 3 <= feet.found < FEET  # for more there is no room before it
+    assert feet_on(np.full(wrong.shape, np.nan), nothing, scene, region, SEED) == (0, 0, 0.0)
+
+
+def test_what_is_filled_in_is_judged_by_its_own_sigma() -> None:
+    truth = truth_of(scenes.scene("floor"), REGION)
+    measured, told, sigma = (np.zeros(truth.low_m.shape) for _ in range(3))
+    measured[:10], sigma[:10] = np.nan, 0.01
+    told[:5] = 0.02  # half of them two sigmas too high
+    found = filled_figures(measured, told, sigma, truth)
+    assert (found.unknown, found.filled) == (10 / 40, 1.0)
+    assert (found.too_high, found.too_low) == (0.5, 0.0)
+    assert found.rms_m == pytest.approx(0.02 / math.sqrt(2))
+    assert found.off_sigmas == pytest.approx(2.0)
+    assert filled_figures(measured, measured, sigma, truth).filled == 0.0
 
 
 def test_errors_are_told_by_their_size_and_what_was_not_told_is_counted() -> None:
@@ -149,8 +180,8 @@ def test_all_steps_leave_fewer_artefacts_of_a_post_of_10_mm_and_may_take_out_the
 def test_a_walking_body_makes_a_worse_map_of_rocks_than_a_cart() -> None:
     steady, walking = (rocks_mapped(SEED, walk, SOME) for walk in ("steady", "walking"))
     for name in SOME:
-        assert walking[name].rms_m > steady[name].rms_m
-        assert walking[name].unknown > steady[name].unknown
+        assert walking[name].figures.rms_m > steady[name].figures.rms_m
+        assert walking[name].figures.unknown > steady[name].figures.unknown
 
 
 @pytest.mark.slow

@@ -7,7 +7,9 @@ import pytest
 from fakes.faults.handles import handles
 from fakes.wires.wire import PtyWire, TcpWire
 from tools.rig.fault_run import Drive, drive_with, hall, harm, problems
-from tools.rig.faults import CATALOGUE, DRAWN_DEVICES, NO_FAULTS, draw
+from tools.rig.faults import CATALOGUE, DRAWN_DEVICES, NO_FAULTS, Fault, draw
+from tools.rig.faults_stripe import NO_FAULTS_STRIPE, STRIPE
+from tools.rig.faults_stripe import ROBOT as SMALL_ROBOT
 from tools.rig.faults_urg04lx import NO_FAULTS_URG04LX, ROBOT, URG04LX
 from tools.rig.loop import Loop
 
@@ -52,16 +54,24 @@ def test_every_fault_of_the_catalogue_can_be_ordered_and_has_a_name_of_its_own(l
         assert musts == {"stops", "goes on", "either"}
 
 
-def test_all_that_can_be_ordered_of_a_hokuyo_is_in_its_catalogue_or_excused() -> None:
-    drive = Drive([], (1.0, 2.0), 1.0, robot=ROBOT)
+@pytest.mark.parametrize(
+    ("robot", "catalogue", "excused"),
+    [(ROBOT, URG04LX, NO_FAULTS_URG04LX), (SMALL_ROBOT, STRIPE, NO_FAULTS_STRIPE)],
+)
+def test_all_that_can_be_ordered_of_another_robots_scanner_is_in_its_catalogue_or_excused(
+    robot: str, catalogue: tuple[Fault, ...], excused: dict[str, str]
+) -> None:
+    drive = Drive([], (1.0, 2.0), 1.0, robot=robot)
     fake, wire = drive.loop.fakes["scanner"], drive.loop.wires["scanner"]
     there = {f"scanner.{name}" for name in handles(fake, wire)}
-    orders = (o for f in URG04LX for o in (f.own, *f.also, *f.then, *f.after))
+    orders = (o for f in catalogue for o in (f.own, *f.also, *f.then, *f.after))
     names = {order.partition("=")[0] for order in orders}
     known = names | {name.rpartition(".")[0] for name in names}  # with a dictionary's key behind
-    assert sorted(there - known) == sorted(NO_FAULTS_URG04LX)
-    drive.loop.set_faults([order for fault in URG04LX for order in fault.orders(5.0)])
-    assert len({fault.title for fault in URG04LX} | BY_TITLE.keys()) == len(URG04LX) + len(BY_TITLE)
+    assert sorted(there - known) == sorted(excused)
+    drive.loop.set_faults([order for fault in catalogue for order in fault.orders(5.0)])
+    assert len({fault.title for fault in catalogue} | BY_TITLE.keys()) == len(catalogue) + len(
+        BY_TITLE
+    )
 
 
 def test_faults_are_drawn_alike_for_one_seed_and_can_be_ordered(loop: Loop) -> None:
@@ -85,6 +95,17 @@ def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
 @pytest.mark.slow
 def test_a_hokuyo_whose_laser_goes_off_stops_the_robot_for_a_second_or_so() -> None:
     [fault] = [one for one in URG04LX if one.own == "scanner.switch_laser_off"]
+    outcome = drive_with(fault)
+    assert problems(fault, outcome) == []
+    assert outcome.told[0] == "scanner"
+
+
+@pytest.mark.slow
+def test_the_small_robot_stops_before_the_box_and_where_its_laser_goes_off() -> None:
+    alone = Drive([], (5.0, 5.0), 3.0, robot=SMALL_ROBOT).run()
+    assert harm(alone) == []
+    assert alone.stood_s is None  # before the box alone
+    [fault] = [one for one in STRIPE if one.own == "scanner.laser=0"]
     outcome = drive_with(fault)
     assert problems(fault, outcome) == []
     assert outcome.told[0] == "scanner"

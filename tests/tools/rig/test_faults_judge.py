@@ -10,6 +10,7 @@ from rich.console import Console
 from tools.rig.fault_run import ALL_WELL, Moment, Outcome, fill_in, problems, problems_of_pair
 from tools.rig.fault_table import Job, Row, cells, jobs, markdown, show, summary
 from tools.rig.faults import CATALOGUE, Fault, either, goes_on, stops
+from tools.rig.faults_stripe import STRIPE
 from tools.rig.faults_urg04lx import URG04LX
 
 STEP_S, END_S = 0.02, 20.0
@@ -104,7 +105,7 @@ def test_a_pair_must_do_what_the_stricter_of_both_must_and_harm_is_a_problem_in_
 
 def test_a_campaign_has_each_fault_as_often_as_asked_and_pairs_of_two_devices() -> None:
     found = jobs(pairs=50, rounds=2, seed=3)
-    assert len(found) == 2 * len(CATALOGUE + URG04LX) + 50
+    assert len(found) == 2 * len(CATALOGUE + URG04LX + STRIPE) + 50
     assert found == jobs(pairs=50, rounds=2, seed=3)
     pairs = [job for job in found if len(job.faults) == 2]
     assert all(job.faults[0].device != job.faults[1].device for job in pairs)

@@ -12,7 +12,7 @@ from fakes.scenes.movers import person
 from fakes.scenes.scene import Scene, load_scene
 from fakes.scenes.solids import GLASS, PLAIN, Material, Pillar, Solid, bump, soft
 from tests.support.shipped import FLOOR
-from tools.rig.contact import OVERLAP_M, RECT, Place, box_gap, disc_gap, outline, placed
+from tools.rig.contact import OVERLAP_M, USUAL, Place, box_gap, disc_gap, outline, placed
 from tools.rig.judge import Judge, Truth
 from tools.rig.stops import Orders, StopWatch
 
@@ -243,14 +243,14 @@ def test_the_gap_to_a_box_is_that_of_the_outlines_points(
     dx = np.maximum(np.maximum(span[0] - x, x - span[1]), 0.0)
     dy = np.maximum(np.maximum(span[2] - y, y - span[3]), 0.0)
     by_points_m = float(np.hypot(dx, dy).min())
-    check_gap(box_gap(place, RECT, span), by_points_m, place, (x0 + wide_m / 2, 0.0))
+    check_gap(box_gap(place, USUAL.rect, span), by_points_m, place, (x0 + wide_m / 2, 0.0))
 
 
 @given(places, st.floats(0.01, 0.5))
 def test_so_is_the_gap_to_a_disc(place: Place, radius_m: float) -> None:
     x, y = placed(outline(), place)
     by_points_m = float(np.hypot(x - 0.3, y + 0.1).min()) - radius_m
-    check_gap(disc_gap(place, RECT, 0.3, -0.1, radius_m), by_points_m, place, (0.3, -0.1))
+    check_gap(disc_gap(place, USUAL.rect, 0.3, -0.1, radius_m), by_points_m, place, (0.3, -0.1))
 
 
 @pytest.mark.parametrize("name", ["rooms", "dock", "office"])

@@ -23,7 +23,7 @@ from core.mapping.surface.maps import SurfaceMaps
 from core.records import F64, I64
 from tools.cli.options import ROBOTS
 from tools.experiments.terrain.ride import PERIOD_S, STEP_M, Gait
-from tools.experiments.terrain.sensors import SIDE_DEG, URG_NAME, Mount
+from tools.experiments.terrain.urg import SIDE_DEG, URG_NAME, Mount
 
 CELLS = 401
 SMALLER = 0.3  # than a driving robot's obstacles

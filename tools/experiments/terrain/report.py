@@ -1,14 +1,16 @@
 """The tables of the terrain maps, and their place in docs/terrain.md."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from core.records import F64
+from tools.experiments.terrain.feet import ALL_HEIGHTS, FEET, MEASURED, TRUE, Filled, Walked
 from tools.experiments.terrain.measure import Figures
-from tools.experiments.terrain.methods import NAMES
+from tools.experiments.terrain.methods import NAMES, SHADED
 from tools.experiments.terrain.runs import Results
 from tools.experiments.terrain.scenes import SIZES_M, THINGS
+from tools.experiments.terrain.trials import BY_FEET
 
 BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 PAPER = {"stripe": (16.5, 10.0, 3.9, 4.2), "URG-04LX": (6.8, 5.0, 2.6, 17.7)}
@@ -73,17 +75,56 @@ def rocks_table(found: Results) -> list[str]:
     rows = _head("body", "method", "rms mm", "unknown %", "too high", "too low")
     for walk, runs in found.rocks.items():
         for name in NAMES:
-            rows.append(_row(walk, name, *_told(_mean([run[name] for run in runs]))))
+            rows.append(_row(walk, name, *_told(_mean([run[name].figures for run in runs]))))
+    return rows
+
+
+def _by_method(found: Results) -> Iterator[tuple[str, str, str, list[Walked]]]:
+    """Ground, body and method, and what feet got, seed by seed."""
+    for walk, runs in found.rocks.items():
+        for name in BY_FEET:
+            yield "rocks", walk, name, [one for run in runs if (one := run[name].walked)]
+    for walk, boxes in found.boxes.items():
+        for name in BY_FEET:
+            yield "boxes", walk, name, [run[name] for run in boxes]
+
+
+def filled_table(found: Results) -> list[str]:
+    shares = ("unknown %", "of these filled %", "rms mm", "too high %", "too low %")
+    rows = _head("ground", "body", "method", *shares, "90 % within, sigmas")
+    for ground, walk, name, runs in _by_method(found):
+        of = Filled(*np.array([run.filled for run in runs]).mean(axis=0))
+        percent = [f"{100 * share:.1f}" for share in (of.unknown, of.filled)]
+        wrong = [f"{100 * share:.1f}" for share in (of.too_high, of.too_low)]
+        sigmas = f"{of.off_sigmas:.2f}" if np.isfinite(of.off_sigmas) else "no sigma"
+        rows.append(_row(ground, walk, name, *percent, f"{1000 * of.rms_m:.1f}", *wrong, sigmas))
+    return rows
+
+
+def feet_table(found: Results) -> list[str]:
+    rows = _head("ground", "body", "method", "heights", "found", "safe %", "worst step mm")
+    for ground, walk, name, runs in _by_method(found):
+        for by in (MEASURED, ALL_HEIGHTS, TRUE):
+            if by == TRUE and name != SHADED:
+                continue  # the truth is that of each method
+            feet = [run.feet[by] for run in runs]
+            count, safe = sum(one.found for one in feet), sum(one.safe for one in feet)
+            mean = f"{count / len(feet):.1f} of {FEET}"
+            share = f"{100 * safe / count:.1f}" if count else "-"
+            worst = f"{1000 * max(one.worst_m for one in feet):.0f}" if count else "-"
+            rows.append(_row(ground, walk, "-" if by == TRUE else name, by, mean, share, worst))
     return rows
 
 
 def tables(found: Results) -> str:
-    """All three, as Markdown."""
+    """All of them, as Markdown."""
     seeds = found.seeds
     parts = (
         (f"**Sizes of two boxes**: relative error in %, {seeds.sizes} seeds.", sizes_table),
         (f"**Single things**: means of {seeds.things} seeds.", things_table),
         (f"**Rocks**: means of {seeds.rocks} seeds.", rocks_table),
+        (f"**Heights filled in**: means of {seeds.rocks} seeds.", filled_table),
+        (f"**Footholds**: the best ones of {seeds.rocks} seeds.", feet_table),
     )
     return "\n\n".join("\n".join([title, "", *table(found)]) for title, table in parts)
 

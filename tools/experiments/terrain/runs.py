@@ -1,4 +1,4 @@
-"""All runs of the three experiments, over their seeds, as many at once as cores."""
+"""All runs of the experiments, over their seeds, as many at once as cores."""
 
 import os
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from multiprocessing import get_context
 from typing import Any
 
 from core.records import F64
-from tools.experiments.terrain.measure import Figures
+from tools.experiments.terrain.feet import Walked
 from tools.experiments.terrain.methods import NAMES
 from tools.experiments.terrain.scenes import THINGS
 from tools.experiments.terrain.trials import (
@@ -17,8 +17,10 @@ from tools.experiments.terrain.trials import (
     GAITS,
     STEEP,
     STRIPE,
+    OnRocks,
     Seen,
     Walk,
+    boxes_walked,
     rocks_mapped,
     sizes_off,
     thing_seen,
@@ -45,7 +47,8 @@ class Results:
     by_urg: list[dict[str, F64]] = field(default_factory=list)
     by_stripe: list[dict[str, F64]] = field(default_factory=list)
     things: dict[str, list[dict[str, Seen]]] = field(default_factory=dict)
-    rocks: dict[Walk, list[dict[str, Figures]]] = field(default_factory=dict)
+    rocks: dict[Walk, list[dict[str, OnRocks]]] = field(default_factory=dict)
+    boxes: dict[Walk, list[dict[str, Walked]]] = field(default_factory=dict)
 
 
 def run_all(seeds: Seeds, jobs: int = 0) -> Results:
@@ -69,5 +72,8 @@ def run_all(seeds: Seeds, jobs: int = 0) -> Results:
             ones = range(1, seeds.rocks + 1)
             found.rocks[walk] = list(
                 each(f"rocks, {walk}", rocks_mapped, seeds.rocks, ones, repeat(walk))
+            )
+            found.boxes[walk] = list(
+                each(f"feet among boxes, {walk}", boxes_walked, seeds.rocks, ones, repeat(walk))
             )
     return found

@@ -1,0 +1,50 @@
+"""Which things are near: a hash of square cells over boxes. A change costs the same in any map."""
+
+import math
+from collections.abc import Iterator
+from itertools import product
+
+Box = tuple[float, float, float, float]  # x and y of the lowest corner, then of the highest, m
+CELL_M = 2.0  # a view of some metres has tens of cells; most objects lie in one to four
+
+
+class BoxIndex:
+    """Boxes by id; asked for all that may touch a box."""
+
+    def __init__(self) -> None:
+        self._cells: dict[tuple[int, int], set[int]] = {}
+        self._boxes: dict[int, Box] = {}
+
+    def put(self, number: int, box: Box) -> None:
+        """A new box, or another one for an id that is there."""
+        before = self._boxes.get(number)
+        if before is not None and list(_cells_of(before)) == list(_cells_of(box)):
+            self._boxes[number] = box
+            return
+        self.remove(number)
+        self._boxes[number] = box
+        for cell in _cells_of(box):
+            self._cells.setdefault(cell, set()).add(number)
+
+    def remove(self, number: int) -> None:
+        box = self._boxes.pop(number, None)
+        for cell in _cells_of(box) if box is not None else ():
+            self._cells[cell].discard(number)
+            if not self._cells[cell]:
+                del self._cells[cell]
+
+    def near(self, box: Box) -> list[int]:
+        """Ids, ascending, of all boxes that touch this one."""
+        x0, y0, x1, y1 = box
+        found = {number for cell in _cells_of(box) for number in self._cells.get(cell, ())}
+        boxes = self._boxes
+        return sorted(
+            n
+            for n in found
+            if boxes[n][0] <= x1 and boxes[n][2] >= x0 and boxes[n][1] <= y1 and boxes[n][3] >= y0
+        )
+
+
+def _cells_of(box: Box) -> Iterator[tuple[int, int]]:
+    i, j, k, m = (math.floor(value / CELL_M) for value in box)
+    return product(range(i, k + 1), range(j, m + 1))

@@ -1,0 +1,158 @@
+"""One object of the map: its outline, and what is known of it besides."""
+
+import math
+from typing import Literal
+
+import numpy as np
+import shapely
+from msgspec import Struct
+
+from core.objects.contour import area_of, polygons_of
+from core.objects.field import DistanceField
+from core.objects.index import Box
+from core.objects.map_settings import ObjectMapSettings
+from core.objects.records import Detection, Floats
+from core.objects.seen import pieces_of
+
+VIEWS = 8  # directions from which an object can have been seen: bit 0 is from +x, counter-clockwise
+LOST_SHARE = 0.2  # so much of a settled outline carved away: it was moved
+Kind = Literal["static", "moved"]
+
+
+class MapObject(Struct, frozen=True, eq=False):
+    """An object as the map has it; metres, map frame, heights above the floor."""
+
+    id: int
+    polygon: Floats  # (n, 2) m, counter-clockwise, simple
+    bottom_m: float
+    top_m: float
+    first_seen_s: float
+    last_seen_s: float
+    seen_from: int  # bits, one for each eighth of the directions from it to the lens
+    finished: np.ndarray  # (n,) bool: side k, from corner k on, was seen along its whole length
+    confidence: float  # 0..1: share of the frames that should have shown it and did
+    kind: Kind
+
+
+def box_of(points: Floats, margin_m: float = 0.0) -> Box:
+    (x0, y0), (x1, y1) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    return x0 - margin_m, y0 - margin_m, x1 + margin_m, y1 + margin_m
+
+
+class Mapped:
+    """An object and, as long as it is looked at, its distance field."""
+
+    def __init__(self, number: int, at_s: float, s: ObjectMapSettings, kind: Kind = "static"):
+        self.id, self._s, self.kind = number, s, kind
+        self.polygon = np.zeros((0, 2))
+        self.finished = np.zeros(0, dtype=bool)
+        self.bottom_m, self.top_m = math.inf, -math.inf
+        self.first_s = self.seen_s = at_s
+        self.views, self.rate = 0, 1.0
+        self.frames = 0  # that placed it
+        self.field: DistanceField | None = None
+        self.drawn_ago = 0  # frames since the outline was drawn
+
+    def awake(self) -> DistanceField:
+        """Its field, made again from the outline where it has none."""
+        if self.field is None:
+            field = self.fresh(self.polygon.min(axis=0), self.polygon.max(axis=0))
+            pieces = pieces_of(self.polygon, 2.0 * self._s.cell_m)
+            counts = pieces_count(self.polygon, 2.0 * self._s.cell_m)
+            pieces[:, 4] = np.repeat(self.finished, counts)
+            field.believe(pieces)
+            return field
+        return self.field
+
+    def fresh(self, low: Floats, high: Floats) -> DistanceField:
+        """An empty field around the box between two points (2,) m."""
+        self.field = DistanceField(self._s)
+        self.field.reach(low, high)
+        return self.field
+
+    def sleep(self) -> None:
+        """Keep the outline alone."""
+        self.field = None
+
+    def seen(self, detection: Detection, origin: tuple[float, float], at_s: float) -> None:
+        """One frame shows it: heights rise at once and fall slowly, for that is the safe side."""
+        memory = self._s.memory_frames
+        fallen = self.top_m - (self.top_m - detection.top_m) / memory
+        self.top_m = max(detection.top_m, fallen) if self.top_m > -math.inf else detection.top_m
+        risen = self.bottom_m + (detection.bottom_m - self.bottom_m) / memory
+        low = min(detection.bottom_m, risen) if self.bottom_m < math.inf else detection.bottom_m
+        self.bottom_m = low
+        off = np.array(origin) - (self.polygon if len(self.polygon) else detection.polygon).mean(0)
+        part = math.atan2(off[1], off[0]) / (2.0 * math.pi) * VIEWS
+        self.views |= 1 << (round(part) % VIEWS)
+        self.seen_s = at_s
+
+    def judge(self, is_hit: bool) -> None:
+        """One frame that should have shown it."""
+        self.frames += 1
+        share = 1.0 / min(self.frames, self._s.memory_frames)
+        self.rate += (float(is_hit) - self.rate) * share
+
+    def draw(self) -> list[Floats]:
+        """Its outline anew; and further outlines (n, 2) of its field: objects of their own.
+
+        No outline: it is gone.
+        """
+        s, field = self._s, self.awake()
+        self.drawn_ago = 0
+        outlines = polygons_of(field.values(), field.place, s.cell_m, s.least_size_m)
+        before = self.polygon
+        self.polygon = outlines[0] if outlines else np.zeros((0, 2))
+        self.finished = np.array([self._is_seen(k) for k in range(len(self.polygon))], dtype=bool)
+        if len(before) and len(self.polygon) and lost_share(before, self.polygon) > LOST_SHARE:
+            self.kind = "moved"
+        return [part for part in outlines[1:] if area_of(part) > s.least_size_m**2]
+
+    def lines(self) -> Floats:
+        """Its finished sides but for their ends, (k, 4) m: where they are is known."""
+        ends = np.roll(self.polygon, -1, axis=0)
+        along = ends - self.polygon
+        lengths = np.hypot(*along.T)
+        cell = self._s.cell_m
+        good = self.finished & (lengths > 3.0 * cell)
+        cut = cell * along[good] / lengths[good, None]
+        return np.hstack([self.polygon[good] + cut, ends[good] - cut])
+
+    def record(self) -> MapObject:
+        trust = 1.0 - (1.0 - 1.0 / self._s.memory_frames) ** self.frames
+        return MapObject(
+            *(self.id, self.polygon, self.bottom_m, self.top_m, self.first_s, self.seen_s),
+            *(self.views, self.finished, self.rate * trust, self.kind),
+        )
+
+    def shift(self, by: Floats) -> None:
+        """Move it (2,) m."""
+        self.polygon = self.polygon + by
+        if self.field is not None:
+            self.field.place = self.field.place + by
+
+    def _is_seen(self, k: int) -> bool:
+        """Whether the space before side k is known along all of it, but for its ends."""
+        cell, field = self._s.cell_m, self.awake()
+        a, b = self.polygon[k], self.polygon[(k + 1) % len(self.polygon)]
+        length = math.dist(a, b)
+        if length <= 2.0 * cell:
+            return True  # as good as a corner
+        along = (b - a) / length
+        t = np.arange(cell, length - 0.5 * cell, cell)[:, None]
+        points = a + t * along + cell * np.array([along[1], -along[0]])
+        i, j = np.rint((points - field.place) / cell).astype(np.int64).T
+        known = field.weight[j, i] >= self._s.confirm_frames
+        return bool(known.all() and (field.mean[j, i] > 0.0).all())
+
+
+def pieces_count(polygon: Floats, longest_m: float) -> np.ndarray:
+    """How many pieces `pieces_of` cuts each side into: (n,)."""
+    lengths = np.hypot(*(np.roll(polygon, -1, axis=0) - polygon).T)
+    return np.asarray(np.maximum(1, np.ceil(lengths / longest_m)).astype(np.int64))
+
+
+def lost_share(before: Floats, now: Floats) -> float:
+    """Share of an outline's area that another one lacks."""
+    lost = shapely.Polygon(before).difference(shapely.Polygon(now)).area
+    return float(lost / max(area_of(before), 1e-9))

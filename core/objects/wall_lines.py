@@ -1,0 +1,246 @@
+"""Walls: those of a map found again and taken away, long upright planes told as new ones.
+
+A known wall's points lie within its gate. All of them together tell how far the pose is off, by
+robust least squares with the pose's own sigmas as knowledge:
+
+    e = n . (p - q) + n . (dx, dy) + dyaw n . J (p - o)     J: a quarter turn to the left
+
+A new wall is a line of columns that are filled up to some height, found by MSAC, refined, and as
+long as the settings ask without a gap.
+
+Source: docs/objects.md, section 5.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from core.objects.floor import GATE, SEED, SHARED
+from core.objects.pixels import I32, sigma_m
+from core.objects.records import Floats
+from core.objects.voxels import Voxels
+from core.records import F32, F64
+from jit import releasing_kernel
+
+TRIES = 200  # lines tried for one wall
+MOST_WALLS = 6  # new ones of a frame
+GAP_M = 0.3  # longest without points, within a wall
+ROUNDS = 4
+BINS = 256  # along a wall
+
+
+class Correction(NamedTuple):
+    """What the walls say of the pose: to be added to it, in the map frame."""
+
+    x_m: float
+    y_m: float
+    yaw_rad: float
+    covariance: F64  # (3, 3) of these three, with what was known before in it
+    points: int  # voxels on known walls
+
+
+@releasing_kernel
+def on_known(
+    voxels: Voxels, count: int, walls: F64, sigmas: tuple[float, float], offset: F64,
+    is_first: bool, within_m: float, noise: tuple[float, float, float], N: F64, g: F64, used: I32,
+) -> int:  # fmt: skip
+    """Sums of one round of least squares over the voxels near known walls: how many.
+
+    Args:
+        walls: (n, 4) segments, level frame.
+        sigmas: of x or y, and of yaw.
+        offset: (3,) dx, dy, dyaw so far; at first all 0.
+        is_first: the pose is not corrected yet, and the gate wide.
+        within_m: how far a wall's points lie off it.
+        noise: noise_m, noise_per_m2, the lens's height.
+        N, g: (3, 3) and (3,), added to.
+        used: (count,) 1 for these.
+    """
+    found = 0
+    for v in range(count):
+        used[v] = 0
+        x, y, z = voxels.x[v], voxels.y[v], voxels.z[v] - noise[2]
+        r2 = x * x + y * y
+        sigma = sigma_m(math.sqrt(r2 + z * z), noise[0], noise[1])
+        gate = within_m + GATE * sigma
+        slack = GATE * (sigmas[0] + math.sqrt(r2) * sigmas[1])
+        px = x + offset[0] - offset[2] * y
+        py = y + offset[1] + offset[2] * x
+        best, nx, ny = gate + slack if is_first else gate, 0.0, 0.0
+        for k in range(walls.shape[0]):
+            ux, uy = walls[k, 2] - walls[k, 0], walls[k, 3] - walls[k, 1]
+            length = math.sqrt(ux * ux + uy * uy)
+            if length == 0.0:
+                continue
+            ux, uy = ux / length, uy / length
+            qx, qy = px - walls[k, 0], py - walls[k, 1]
+            along, e = ux * qx + uy * qy, -uy * qx + ux * qy
+            if abs(e) < abs(best) and -slack <= along <= length + slack:
+                best, nx, ny = e, -uy, ux
+        if nx == 0.0 and ny == 0.0:
+            continue
+        found, used[v] = found + 1, 1
+        turn = -nx * y + ny * x
+        w = 1.0 / (sigma * sigma + (0.5 * within_m) ** 2)
+        s = within_m + GATE * sigma
+        w *= 1.0 / (1.0 + (best / s) ** 2)  # Cauchy: what is far off says little
+        j0, j1, j2 = nx, ny, turn
+        N[0, 0] += w * j0 * j0
+        N[0, 1] += w * j0 * j1
+        N[0, 2] += w * j0 * j2
+        N[1, 1] += w * j1 * j1
+        N[1, 2] += w * j1 * j2
+        N[2, 2] += w * j2 * j2
+        g[0] += w * best * j0
+        g[1] += w * best * j1
+        g[2] += w * best * j2
+    return found
+
+
+def refound(
+    voxels: Voxels, count: int, walls: F64, sigmas: tuple[float, float],
+    within_m: float, noise: tuple[float, float, float], used: I32,
+) -> tuple[F64, F64, int]:  # fmt: skip
+    """How far points must be moved to lie on the walls (3,), its covariance, how many do so."""
+    prior = np.diag([sigmas[0] ** -2.0, sigmas[0] ** -2.0, sigmas[1] ** -2.0])
+    offset, found, C = np.zeros(3), 0, np.linalg.inv(prior)
+    for number in range(ROUNDS + 1):
+        N, g = np.zeros((3, 3)), np.zeros(3)
+        is_first = number == 0
+        found = on_known(
+            voxels, count, walls, sigmas, offset, is_first, within_m, noise, N, g, used
+        )
+        if number == ROUNDS:
+            break
+        whole = (N + np.triu(N, 1).T) / (1.0 + SHARED * SHARED * found)
+        g /= 1.0 + SHARED * SHARED * found
+        C = np.asarray(np.linalg.inv(whole + prior), np.float64)
+        offset = offset - C @ (g + prior @ offset)
+    return offset, C, found
+
+
+@releasing_kernel
+def best_line(
+    x: F32, y: F32, taken: I32, count: int, within_m: float, length_m: float, bins: I32, out: F64
+) -> int:
+    """The line on which most columns lie, as `out` (6,): point, direction, begin, end along it.
+
+    Args:
+        taken: (count,) not 0: not looked at.
+    """
+    state, most = SEED, 0
+    out[4], out[5] = 0.0, 0.0
+    for _ in range(TRIES):
+        state = (state * 1103515245 + 12345) & 0x7FFFFFFF
+        p = (state >> 8) % count
+        state = (state * 1103515245 + 12345) & 0x7FFFFFFF
+        q = (state >> 8) % count
+        ux, uy = x[q] - x[p], y[q] - y[p]
+        length = math.sqrt(ux * ux + uy * uy)
+        if length < 0.3 * length_m or taken[p] != 0 or taken[q] != 0:
+            continue
+        ux, uy, near = ux / length, uy / length, 0
+        for k in range(count):
+            e = uy * (x[k] - x[p]) - ux * (y[k] - y[p])
+            near += taken[k] == 0 and abs(e) <= within_m
+        if near > most:
+            most, out[0], out[1], out[2], out[3] = near, x[p], y[p], ux, uy
+    if most >= 3:
+        for _ in range(ROUNDS):
+            _straighten(x, y, taken, count, within_m, out)
+        _longest_run(x, y, taken, count, within_m, bins, out)
+    return most
+
+
+@releasing_kernel
+def _straighten(x: F32, y: F32, taken: I32, count: int, within_m: float, line: F64) -> None:
+    """Total least squares of the columns near a line."""
+    n, sx, sy, sxx, sxy, syy = 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(count):
+        dx, dy = x[k] - line[0], y[k] - line[1]
+        if taken[k] == 0 and abs(line[3] * dx - line[2] * dy) <= within_m:
+            n, sx, sy = n + 1, sx + dx, sy + dy
+            sxx, sxy, syy = sxx + dx * dx, sxy + dx * dy, syy + dy * dy
+    if n < 2:
+        return
+    mx, my = sx / n, sy / n
+    sxx, sxy, syy = sxx / n - mx * mx, sxy / n - mx * my, syy / n - my * my
+    angle = 0.5 * math.atan2(2.0 * sxy, sxx - syy)
+    line[0], line[1] = line[0] + mx, line[1] + my
+    line[2], line[3] = math.cos(angle), math.sin(angle)
+
+
+@releasing_kernel
+def _longest_run(
+    x: F32, y: F32, taken: I32, count: int, within_m: float, bins: I32, line: F64
+) -> None:
+    """Begin and end of the longest stretch of a line without a gap."""
+    bins[:] = 0
+    width = GAP_M / 3.0
+    for k in range(count):
+        dx, dy = x[k] - line[0], y[k] - line[1]
+        if taken[k] == 0 and abs(line[3] * dx - line[2] * dy) <= within_m:
+            at = int((line[2] * dx + line[3] * dy) / width + 0.5 * BINS)
+            if 0 <= at < BINS:
+                bins[at] += 1
+    best, begin, last = 0, 0, -100
+    line[4], line[5] = 0.0, 0.0
+    for at in range(BINS):
+        if bins[at] == 0:
+            continue
+        if at - last > 3:
+            begin = at
+        last = at
+        if at + 1 - begin > best:
+            best = at + 1 - begin
+            line[4], line[5] = (begin - 0.5 * BINS) * width, (at + 1 - 0.5 * BINS) * width
+
+
+@releasing_kernel
+def upright(
+    voxels: Voxels, count: int, column_of: I32, columns: int, height_m: float,
+    low: F32, high: F32, mean: F32, x: F32, y: F32,
+) -> int:  # fmt: skip
+    """Middles of the columns that are filled over a height: how many, in `x` and `y`.
+
+    Args:
+        column_of: (count,) of each voxel, negative: none.
+        low, high, mean: room, (columns,), (columns,) and (columns, 3).
+    """
+    for c in range(columns):
+        low[c], high[c] = 1e9, -1e9
+        mean[c, 0], mean[c, 1], mean[c, 2] = 0.0, 0.0, 0.0
+    for v in range(count):
+        c = column_of[v]
+        if c >= 0:
+            low[c], high[c] = min(low[c], voxels.low[v]), max(high[c], voxels.high[v])
+            mean[c, 0] += voxels.x[v]
+            mean[c, 1] += voxels.y[v]
+            mean[c, 2] += 1.0
+    n = 0
+    for c in range(columns):
+        if high[c] - low[c] >= height_m:
+            x[n], y[n] = mean[c, 0] / mean[c, 2], mean[c, 1] / mean[c, 2]
+            n += 1
+    return n
+
+
+@releasing_kernel
+def take(x: F32, y: F32, count: int, line: F64, within_m: float, used: I32) -> int:
+    """Mark the points on a stretch of a line, or a little beyond, as used: how many newly so."""
+    n, beyond = 0, 2.0 * within_m
+    for v in range(count):
+        dx, dy = x[v] - line[0], y[v] - line[1]
+        along = line[2] * dx + line[3] * dy
+        is_near = abs(line[3] * dx - line[2] * dy) <= within_m
+        if is_near and line[4] - beyond <= along <= line[5] + beyond:
+            n += used[v] == 0
+            used[v] = 1
+    return n
+
+
+def segment(line: F64) -> Floats:
+    """x1, y1, x2, y2 of a stretch of a line."""
+    begin, end = line[:2] + line[4] * line[2:4], line[:2] + line[5] * line[2:4]
+    return np.concatenate([begin, end])

@@ -1,0 +1,106 @@
+"""All walls of the map: which segment is of which wall, and which walls are one."""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from core.objects.align import Correction, Sides
+from core.objects.index import Box, BoxIndex
+from core.objects.map_settings import ObjectMapSettings
+from core.objects.mapped import box_of
+from core.objects.records import Floats, FrameObjects
+from core.objects.walls import Wall, WallRecord
+
+APART_M = 0.2  # pieces of a segment that are compared with a wall are at most so long
+
+
+class WallMap:
+    """Walls by id; the ids are the owner's."""
+
+    def __init__(self, settings: ObjectMapSettings) -> None:
+        self._s = settings
+        self._walls: dict[int, Wall] = {}
+        self._index = BoxIndex()
+
+    def has(self, number: int) -> bool:
+        return number in self._walls
+
+    def record(self, number: int) -> WallRecord:
+        return self._walls[number].record()
+
+    def records(self) -> list[WallRecord]:
+        """All that have pieces which are wall, by id."""
+        found = [self._walls[number].record() for number in sorted(self._walls)]
+        return [wall for wall in found if len(wall.segments)]
+
+    def near(self, box: Box) -> list[WallRecord]:
+        found = [self._walls[number].record() for number in self._index.near(box)]
+        return [wall for wall in found if len(wall.segments)]
+
+    def take(self, record: WallRecord, at_s: float) -> None:
+        """A wall that is known: as settled as if it had been seen."""
+        for segment in record.segments:
+            wall = self._walls.get(record.id)
+            if wall is None:
+                wall = self._walls[record.id] = Wall(record.id, segment, at_s, self._s)
+            wall.hit(segment, at_s)
+        wall = self._walls[record.id]
+        for opening in record.openings:
+            wall.open(opening)
+        wall.settle()
+        self._index.put(record.id, wall.box())
+
+    def sides(self, segments: Floats) -> list[Sides]:
+        """What of a frame's segments (n, 4) m can be compared with walls of the map."""
+        found = []
+        for segment in segments:
+            wall = self._of(segment)
+            if wall is None or wall.frames < self._s.confirm_frames:
+                continue
+            a, b = segment.reshape(2, 2)
+            count = max(2, math.ceil(math.dist(a, b) / APART_M))
+            ends = a + np.linspace(0.0, 1.0, count + 1)[:, None] * (b - a)
+            pieces = np.hstack([ends[:-1], ends[1:]])
+            lines = wall.record().segments
+            if (b - a) @ wall.along < 0.0:
+                lines = lines[:, [2, 3, 0, 1]]
+            found.append(Sides(pieces, lines, self._s.hull_sigma_m))
+        return found
+
+    def update(
+        self, frame: FrameObjects, sectors: Floats, by: Correction, new_id: Callable[[], int]
+    ) -> list[int]:
+        """One frame; ids of the walls that it spoke of, those that are no more as well."""
+        hits: dict[int, list[Floats]] = {}
+        for segment in frame.walls:
+            if math.dist(*segment.reshape(2, 2)) < 2.0 * self._s.wall_cell_m:
+                continue
+            wall = self._of(segment)
+            if wall is None:
+                wall = Wall(new_id(), segment, frame.at_s, self._s)
+                self._walls[wall.id] = wall
+            wall.hit(segment, frame.at_s)
+            hits.setdefault(wall.id, []).append(segment)
+            self._index.put(wall.id, wall.box())
+        near = self._index.near(box_of(np.vstack([frame.view, np.array([frame.origin])])))
+        for number in near:
+            wall = self._walls[number]
+            wall.seen_through(hits.get(number, []), sectors, np.array(frame.origin))
+            if number in hits:
+                gain = 1.0 / (1.0 + min(wall.frames, self._s.memory_frames))
+                wall.point = (
+                    wall.point - gain * (by.shift_at(wall.point) @ wall.normal) * wall.normal
+                )
+            if frame.at_s - wall.seen_s > self._s.coast_s and len(wall.record().segments) == 0:
+                del self._walls[number]  # never confirmed, or taken down
+                self._index.remove(number)
+        return sorted({*hits, *near})
+
+    def _of(self, segment: Floats) -> Wall | None:
+        """The wall along which a segment (4,) lies: the one nearest in offset."""
+        ends = segment.reshape(2, 2)
+        near = self._index.near(box_of(ends, 2.0))
+        walls = [self._walls[n] for n in near if self._walls[n].is_along(segment)]
+        middle = ends.mean(axis=0)[None]
+        return min(walls, key=lambda wall: abs(float(wall.placed(middle)[1][0])), default=None)

@@ -1,0 +1,174 @@
+"""Walls: long upright planes as lines, judged piece by piece, so that a door opens and closes.
+
+A wall is a line with its covariance, from all segments that lay along it, and a share of hits for
+each piece of it: a running mean over the frames that could see the piece. A piece is wall above one
+half. Where a frame saw through a piece, that counts against it: the piece becomes an opening.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from msgspec import Struct
+
+from core.objects.index import Box
+from core.objects.map_settings import ObjectMapSettings
+from core.objects.records import Floats
+from core.objects.seen import sees
+
+HALF = 0.5
+
+
+class WallRecord(Struct, frozen=True, eq=False):
+    """A wall as the map has it."""
+
+    id: int
+    segments: Floats  # (k, 4) m: x1, y1, x2, y2, along the wall
+    openings: Floats  # (k, 4) m: pieces between them that were seen open: doors
+    first_seen_s: float
+    last_seen_s: float
+
+
+class Wall:
+    """One line: a point of it, its direction, and the pieces along it from `start` pieces on."""
+
+    def __init__(self, number: int, segment: Floats, at_s: float, s: ObjectMapSettings) -> None:
+        self.id, self._s = number, s
+        self.point = 0.5 * (segment[:2] + segment[2:])
+        self.along = (segment[2:] - segment[:2]) / math.hypot(*(segment[2:] - segment[:2]))
+        self.information = np.zeros((2, 2))  # of offset and slope
+        self.start = 0
+        self.share, self.weight = np.zeros(0), np.zeros(0)
+        self.first_s = self.seen_s = at_s
+        self.frames = 0
+
+    @property
+    def normal(self) -> Floats:
+        """Unit vector (2,) to the left of the wall."""
+        return np.array([-self.along[1], self.along[0]])
+
+    def placed(self, points: Floats) -> tuple[Floats, Floats]:
+        """Of points (n, 2): how far along the wall, and how far to its left, m."""
+        off = points - self.point
+        return off @ self.along, off @ self.normal
+
+    def is_along(self, segment: Floats) -> bool:
+        """Whether a segment (4,) is of this wall: its direction, its place, and near its pieces."""
+        ends = segment.reshape(2, 2)
+        along, aside = self.placed(ends)
+        length = math.dist(*ends)
+        near = 3.0 * math.hypot(self._s.pose_sigma_m, self._s.hull_sigma_m) + self._s.view_gap_m
+        turn = math.atan2(abs(float(aside[1] - aside[0])), abs(float(along[1] - along[0])))
+        first, last = self._extent()
+        gap = max(first - float(along.max()), float(along.min()) - last)
+        return (
+            turn < math.radians(self._s.wall_angle_deg)
+            and float(np.abs(aside).min()) < near
+            and float(np.abs(aside).max()) < near + 0.1 * length
+            and gap < 2.0 * near + 1.0
+        )
+
+    def hit(self, segment: Floats, at_s: float) -> None:
+        """One frame's segment (4,) of it: the line is fitted, its pieces are wall."""
+        ends = segment.reshape(2, 2)
+        along, aside = self.placed(ends)
+        self._fit(along, aside)
+        along, _ = self.placed(ends)
+        cell = self._s.wall_cell_m
+        first = math.ceil(float(along.min()) / cell - HALF)
+        last = math.floor(float(along.max()) / cell - HALF)
+        self._reach(first, last)
+        mine = slice(first - self.start, last - self.start + 1)
+        self._count(np.arange(len(self.share))[mine], 1.0)
+        self.seen_s, self.frames = at_s, self.frames + 1
+
+    def seen_through(self, hits: list[Floats], sectors: Floats, lens: Floats) -> None:
+        """One frame's say against pieces that none of its segments covers."""
+        cell = self._s.wall_cell_m
+        middle = (self.start + np.arange(len(self.share)) + HALF) * cell
+        covered = np.zeros(len(middle), dtype=bool)
+        for segment in hits:
+            along, _ = self.placed(segment.reshape(2, 2))
+            covered |= (middle > along.min() - cell) & (middle < along.max() + cell)
+        points = self.point + middle[:, None] * self.along - lens
+        away = points / np.maximum(np.hypot(*points.T), 1e-9)[:, None]
+        behind = points + self._s.guard_m * away
+        gone = [
+            k
+            for k in np.flatnonzero(~covered).tolist()
+            if sees(sectors, behind[k, 0], behind[k, 1]) and sees(sectors, *points[k].tolist())
+        ]
+        self._count(np.array(gone, dtype=np.int64), 0.0)
+
+    def open(self, opening: Floats) -> None:
+        """A piece (4,) m of it is known to be open."""
+        along, _ = self.placed(opening.reshape(2, 2))
+        cell = self._s.wall_cell_m
+        first, last = round(float(along.min()) / cell), round(float(along.max()) / cell) - 1
+        self._reach(first, last)
+        mine = slice(first - self.start, last - self.start + 1)
+        self.share[mine], self.weight[mine] = 0.0, 1.0
+
+    def settle(self) -> None:
+        """Believe all that is known of it as if it had been seen all along."""
+        self.weight[self.weight > 0.0] = self._s.memory_frames
+        self.frames = round(self._s.memory_frames)
+
+    def record(self) -> WallRecord:
+        known = self.weight >= self._s.confirm_frames
+        is_wall = known & (self.share > HALF)
+        runs = self._runs(is_wall)
+        doors = [(a[1], b[0]) for a, b in pairwise(runs) if self._is_open(a[1], b[0])]
+        segments, openings = self._ends(runs), self._ends(doors)
+        return WallRecord(self.id, segments, openings, self.first_s, self.seen_s)
+
+    def box(self) -> Box:
+        first, last = self._extent()
+        ends = np.array([self.point + first * self.along, self.point + last * self.along])
+        (x0, y0), (x1, y1) = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
+        return x0, y0, x1, y1
+
+    def _fit(self, along: Floats, aside: Floats) -> None:
+        """Recursive least squares of offset and slope against both ends, which remember as long
+        as the pieces do."""
+        weight = 1.0 / (self._s.pose_sigma_m**2 + self._s.hull_sigma_m**2)
+        J = np.column_stack([np.ones(2), along])
+        new = weight * J.T @ J
+        self.information = self.information * (1.0 - 1.0 / self._s.memory_frames) + new
+        offset, slope = np.linalg.solve(
+            self.information + 1e-6 * np.eye(2), weight * (J.T @ aside)
+        ).tolist()
+        self.point = self.point + offset * self.normal
+        self.along = self.along + slope * self.normal
+        self.along = self.along / math.hypot(*self.along)
+
+    def _extent(self) -> tuple[float, float]:
+        cell = self._s.wall_cell_m
+        return self.start * cell, (self.start + len(self.share)) * cell
+
+    def _reach(self, first: int, last: int) -> None:
+        if len(self.share) == 0:
+            self.start = first
+        before = max(0, self.start - first)
+        behind = max(0, last + 1 - self.start - len(self.share))
+        self.share = np.pad(self.share, (before, behind))
+        self.weight = np.pad(self.weight, (before, behind))
+        self.start -= before
+
+    def _count(self, pieces: np.ndarray, value: float) -> None:
+        self.weight[pieces] = np.minimum(self._s.memory_frames, self.weight[pieces] + 1.0)
+        self.share[pieces] += (value - self.share[pieces]) / self.weight[pieces]
+
+    def _runs(self, flags: np.ndarray) -> list[tuple[int, int]]:
+        """Where flags are set: from each first piece to behind each last."""
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(np.int8), [0]])))
+        return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+    def _is_open(self, first: int, behind: int) -> bool:
+        seen = self.weight[first:behind] >= self._s.confirm_frames
+        return bool(seen.mean() > HALF)
+
+    def _ends(self, runs: list[tuple[int, int]]) -> Floats:
+        at = (np.array(runs, dtype=np.float64).reshape(-1, 2) + self.start) * self._s.wall_cell_m
+        first = self.point + at[:, :1] * self.along
+        return np.hstack([first, self.point + at[:, 1:] * self.along])

@@ -1,0 +1,276 @@
+"""Plans a path that sweeps a floor: cells, lanes in them, their order, then small improvements.
+
+Method and its limits: docs/coverage.md. Nothing here is chance or time: the same floor gives the
+same plan.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from core.paths.measures import band_of
+from core.paths.patches import nearest_in, wall_strokes
+from core.paths.raster import NONE, Raster, edges_along
+from core.paths.records import CoveragePlan, Kind, Machine, Segment
+from core.paths.refine import Refiner, modes_of
+from core.paths.rings import Walls, length_of
+from core.paths.space import FloorError, grown, largest, narrowed, polygons_in, repaired
+from core.paths.sweep import QUARTER, Piece, Sweeper, rotated, turned
+from core.paths.tours import graph_of, linked, ordered, snapped
+from core.paths.visibility import VisibilityGraph
+from core.records import F64
+
+STROKE = (
+    0.35  # a missed area of more than that share of a square of the width gets a line of its own
+)
+STROKE_ROUNDS = 2
+PRICES = (  # what a change must win, of what a lane in the open does; rows are tried in turn
+    (0.4, 0.15, 0.07, 0.05),
+    (0.3, 0.12, 0.05),
+)
+WORTH = 0.08  # at that price plans are compared
+ENOUGH = 0.996  # of the raster; more is bought at no lower price
+SMALL, MIDDLING = 150, 250  # widths of work: up to that all is tried; both directions are
+SPECK = 0.003  # smaller missed areas, of a square of the width, get no detour
+SPREAD_RAD = 0.03  # walls within that are taken to run one way
+SMOOTH = 0.2  # of the width: steps of walls up to that do not count for the lanes' direction
+Point = tuple[float, float]
+
+
+def plan_coverage(
+    floor: BaseGeometry,
+    machine: Machine,
+    start: Point | None = None,
+    dock: Point | None = None,
+    rooms: Sequence[BaseGeometry] = (),
+    clean: BaseGeometry | None = None,
+    angle_rad: float | None = None,
+    is_refined: bool = True,
+) -> CoveragePlan:
+    """A path over all of the floor that the machine can get to.
+
+    Args:
+        floor: free floor as polygons, metres.
+        start: where the path begins; the dock if there is one, else where it is best.
+        dock: near which the path ends; the last segment travels there.
+        rooms: polygons; one is done after the other, then what lies in none.
+        clean: area that need not be swept.
+        angle_rad: of the lanes; None: along the walls, whichever way is less work.
+        is_refined: False: lanes stay exactly as far apart as the machine asks.
+
+    Raises:
+        FloorError: no room for the machine; coordinates that are no numbers; start or dock off the
+            floor.
+    """
+    free = repaired(floor)
+    begin = dock if start is None else start
+    space = _space_at(free, machine, begin)
+    angle = main_angle(free, machine.width_m) if angle_rad is None else angle_rad
+    target = grown(space, machine.width_m / 2).intersection(free)
+    todo = target if clean is None else target.difference(repaired(clean))
+    works = [_Work(space, todo, rooms, machine, angle)]
+    if angle_rad is None:
+        works.append(_Work(space, todo, rooms, machine, angle + QUARTER))
+        works.sort(key=lambda work: work.work_m)
+    work_m = works[0].work_m / machine.width_m
+    rows = PRICES if is_refined else ((),)
+    tries = [(works[0], row) for row in rows[: 2 if work_m < SMALL else 1]]
+    if work_m < MIDDLING:
+        tries += [(work, rows[0]) for work in works[1:]]
+    paths = [work.path(begin, dock, row) for work, row in tries]
+    best = max(paths, key=lambda path: path[0])
+    return _plan(free, space, target, todo, *best[1:], machine)
+
+
+def main_angle(floor: BaseGeometry, width_m: float) -> float:
+    """The direction of most walls, modulo a quarter turn."""
+    smooth = shapely.simplify(floor, SMOOTH * width_m)
+    rings = [ring for p in polygons_in(smooth) for ring in (p.exterior, *p.interiors)]
+    edges = np.vstack([np.diff(shapely.get_coordinates(ring), axis=0) for ring in rings])
+    lengths = np.hypot(*edges.T)
+    angles = np.arctan2(edges[:, 1], edges[:, 0]) % QUARTER
+    apart = np.abs((angles[:, None] - angles + QUARTER / 2) % QUARTER - QUARTER / 2)
+    votes = (lengths * np.exp(-((apart / SPREAD_RAD) ** 2))).sum(axis=1)
+    return float(angles[np.argmax(np.round(votes, 6))])
+
+
+def _space_at(free: MultiPolygon, machine: Machine, begin: Point | None) -> Polygon:
+    """The part of the space that the machine is in, or the largest. Raises FloorError."""
+    parts = polygons_in(narrowed(free, machine.margin_m))
+    if not parts:
+        widest_m = max(
+            (shapely.maximum_inscribed_circle(p).length for p in polygons_in(free)), default=0.0
+        )
+        raise FloorError(
+            f"the machine has no room: needs {machine.margin_m:g} m around its centre, the widest "
+            f"place has {widest_m:.3f} m"
+        )
+    if begin is None:
+        return largest(parts)
+    if not np.isfinite(begin).all():
+        raise FloorError(f"start: must be two finite numbers, is {begin[0]:g},{begin[1]:g}")
+    point = shapely.Point(begin)
+    far_m = [part.distance(point) for part in parts]
+    nearest = int(np.argmin(far_m))
+    if far_m[nearest] > machine.margin_m + machine.width_m:
+        raise FloorError(
+            f"start: {begin[0]:g},{begin[1]:g} is {far_m[nearest]:.2f} m from where the machine "
+            f"fits, must be at most {machine.margin_m + machine.width_m:g} m"
+        )
+    return parts[nearest]
+
+
+class _Work:
+    """One floor, turned so that lanes run along x."""
+
+    def __init__(
+        self,
+        space: Polygon,
+        todo: BaseGeometry,
+        rooms: Sequence[BaseGeometry],
+        machine: Machine,
+        angle_rad: float,
+    ) -> None:
+        self._angle_rad = angle_rad
+        turn_rad = -angle_rad
+        self._machine = machine
+        self._space = turned(space, turn_rad)
+        self._todo = polygons_in(shapely.transform(todo, lambda p: rotated(p, turn_rad)))
+        regions = _regions(space, todo, rooms, machine.width_m)
+        self._regions = [[turned(part, turn_rad) for part in region] for region in regions]
+        self._groups, self._raster, self.work_m = self._pieces()
+        self._toured: tuple[VisibilityGraph, list[list[F64]]] | None = None
+
+    def _inside(self, point: Point) -> F64:
+        """The nearest place for the machine's centre, (2,)."""
+        near: F64 = nearest_in(self._space, rotated(np.array([point]), -self._angle_rad))[0]
+        return near
+
+    def _pieces(self) -> tuple[list[list[Piece]], Raster, float]:
+        """Pieces by region, the raster with all of them on it, and the metres of work."""
+        raster = Raster(self._todo or [self._space], self._machine.width_m)
+        groups: list[list[Piece]] = []
+        work_m = 0.0
+        for region in self._regions:
+            groups.append([])
+            for part in region if self._todo else []:
+                sweeper = Sweeper(part, self._machine.spacing_m)
+                found, metres = sweeper.best_pieces(raster)
+                groups[-1] += found
+                work_m += metres
+        return groups, raster, work_m
+
+    def _strokes(self) -> None:
+        """Lines along walls for large areas that the lanes leave out."""
+        walls, width_m = Walls(self._space), self._machine.width_m
+        for _ in range(STROKE_ROUNDS):
+            for area in self._raster.missed(STROKE * width_m**2):
+                for stroke in wall_strokes(area, walls, self._space, width_m):
+                    if self._raster.gain(NONE, edges_along(stroke)) > 0:
+                        self._raster.gain(NONE, edges_along(stroke), keep=True)
+                        self._groups[self._region_at(stroke.mean(axis=0))].append(Piece((stroke,)))
+
+    def _region_at(self, point: F64) -> int:
+        here = shapely.Point(point)
+        far = [min((p.distance(here) for p in r), default=math.inf) for r in self._regions]
+        return int(np.argmin(far))
+
+    def path(
+        self, begin: Point | None, dock: Point | None, prices: Sequence[float]
+    ) -> tuple[float, F64, list[bool], float]:
+        """What it is worth in m2; (n, 2) corners; whether each edge sweeps; the lanes' angle."""
+        start, end = (None if p is None else self._inside(p) for p in (begin, dock))
+        graph, lines = self._tour(start, end)
+        self._raster.clear()
+        refiners: list[Refiner] = []
+        here = start
+        for each in lines:
+            path = linked(each, graph, here)
+            if len(path) > 1:
+                refiners.append(Refiner(path, self._raster, graph, self._machine.width_m))
+                here = path[-1]
+        if prices:
+            self._refine(refiners, prices)
+        if not refiners:
+            return 0.0, np.empty((0, 2)), [], self._angle_rad
+        points = np.vstack([refiners[0].points, *(r.points[1:] for r in refiners[1:])])
+        sweeps = modes_of(points, self._raster, self._machine.width_m)
+        worth = self._raster.area(self._raster.swept)
+        worth -= WORTH * self._machine.width_m * length_of(points)
+        home = None if end is None else graph.way(points[-1], end)
+        if home is not None and math.dist(points[-1], home[-1]) > 1e-9:
+            points, sweeps = np.vstack([points, home[1:]]), sweeps + [False] * (len(home) - 1)
+        return worth, rotated(points, self._angle_rad), sweeps, self._angle_rad
+
+    def _tour(self, start: F64 | None, end: F64 | None) -> tuple[VisibilityGraph, list[list[F64]]]:
+        """Lines in their order, by region; made once."""
+        if self._toured is None:
+            self._strokes()
+            graph = graph_of(self._space)
+            groups = [snapped(group, self._space) for group in self._groups]
+            lines = ordered(groups, graph, start, end) if any(groups) else []
+            self._toured = graph, lines
+        return self._toured
+
+    def _refine(self, refiners: list[Refiner], prices: Sequence[float]) -> None:
+        for price in prices:
+            for refiner in refiners:
+                refiner.tighten(price)
+            for area in self._raster.missed(SPECK * self._machine.width_m**2):
+                middle = area.mean(axis=0)
+                near = min(refiners, key=lambda r: r.distance(middle), default=None)
+                if near is not None:
+                    near.patch(area, price)
+            if self._raster.share >= ENOUGH:
+                break
+        for refiner in refiners:
+            refiner.tighten(price)
+
+
+def _regions(
+    space: Polygon, todo: BaseGeometry, rooms: Sequence[BaseGeometry], width_m: float
+) -> list[list[Polygon]]:
+    """What is swept room by room: parts of the space; what lies in no room comes last."""
+    rest: BaseGeometry = space
+    if not grown(space, 1e-6).difference(todo).is_empty:
+        rest = space.intersection(grown(todo, width_m / 20))
+    regions = []
+    for room in rooms:
+        regions.append(polygons_in(rest.intersection(repaired(room))))
+        rest = rest.difference(repaired(room))
+    return [*regions, polygons_in(rest)]
+
+
+def _plan(
+    free: MultiPolygon,
+    space: Polygon,
+    target: BaseGeometry,
+    todo: BaseGeometry,
+    track: F64,
+    sweeps: list[bool],
+    angle_rad: float,
+    machine: Machine,
+) -> CoveragePlan:
+    """The path as segments, and what it covers, measured on polygons."""
+    segments: list[Segment] = []
+    begin = 0
+    for k in range(1, len(sweeps) + 1):
+        if k == len(sweeps) or sweeps[k] != sweeps[begin]:
+            kind: Kind = "sweep" if sweeps[begin] else "travel"
+            segments.append(Segment(kind, track[begin : k + 1]))
+            begin = k
+    left = todo.difference(band_of(segments, machine.width_m)) if segments else todo
+    uncovered = MultiPolygon(polygons_in(left))
+    return CoveragePlan(
+        segments=tuple(segments),
+        space=MultiPolygon([space]),
+        reachable=MultiPolygon(polygons_in(target)),
+        covered=MultiPolygon(polygons_in(target.difference(uncovered))),
+        uncovered=uncovered,
+        unreachable=MultiPolygon(polygons_in(free.difference(target))),
+        angle_rad=angle_rad,
+    )

@@ -1,0 +1,101 @@
+"""Pieces of a sweep to one path: their order, and the shortest ways from each to the next."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from core.paths.order import Tour
+from core.paths.patches import nearest_in
+from core.paths.rings import joined, length_of
+from core.paths.space import largest, polygons_in
+from core.paths.sweep import Piece
+from core.paths.visibility import VisibilityGraph
+from core.records import F64
+
+COARSE_M = 0.004  # ways between pieces bend at corners that are so far off, which are fewer
+JOINED, NEAREST = 12, 40  # nodes and other ends that an end of a piece is joined to
+DETOUR = 1.3  # of a way whose length is not known
+
+
+def graph_of(space: Polygon) -> VisibilityGraph:
+    """For ways between pieces: few corners, if they connect all that the space does."""
+    inner = shapely.buffer(space, -COARSE_M, quad_segs=2, join_style="mitre")
+    parts = polygons_in(shapely.simplify(inner, COARSE_M))
+    if len(parts) == 1 and space.covers(parts[0]):
+        return VisibilityGraph(space, largest(parts))
+    return VisibilityGraph(space)
+
+
+def lengths_between(graph: VisibilityGraph, points: F64) -> F64:
+    """(n, n) metres: of straight lines in sight, else of ways that may be a little too long."""
+    total = graph.distances(points, JOINED)
+    far = np.hypot(*np.moveaxis(points[:, None] - points, 2, 0))
+    near = np.argsort(far, axis=1, kind="stable")[:, 1 : NEAREST + 1]
+    i, j = np.repeat(np.arange(len(points)), near.shape[1]), near.ravel()
+    shorter = far[i, j] < total[i, j] - 1e-9
+    i, j = i[shorter], j[shorter]
+    seen = graph.sees(points[i], points[j])
+    i, j = i[seen], j[seen]
+    total[i, j] = total[j, i] = far[i, j]
+    np.fill_diagonal(total, 0.0)
+    return np.where(np.isfinite(total), total, DETOUR * far + 1.0)
+
+
+def snapped(pieces: Sequence[Piece], space: Polygon) -> list[Piece]:
+    """The same, with every corner where the machine's centre may be."""
+    return [Piece(tuple(nearest_in(space, way) for way in piece.variants)) for piece in pieces]
+
+
+def ordered(
+    groups: Sequence[Sequence[Piece]], graph: VisibilityGraph, start: F64 | None, end: F64 | None
+) -> list[list[F64]]:
+    """The pieces of each group as lines (n, 2), in the order in which they are driven.
+
+    Groups are driven one after the other, the nearest first.
+    """
+    points: list[F64] = [p for p in (start, end) if p is not None]
+    stops: list[list[list[tuple[int, int, float]]]] = []
+    for group in groups:
+        stops.append([])
+        for piece in group:
+            variants = []
+            for way in piece.variants:
+                a, b, metres = len(points), len(points) + 1, length_of(way)
+                variants += [(a, b, metres), (b, a, metres)]
+                points += [way[0], way[-1]]
+            stops[-1].append(variants)
+    between = lengths_between(graph, np.array(points))
+    here = None if start is None else 0
+    last = None if end is None else int(start is not None)
+    left = [k for k, group in enumerate(groups) if group]
+    done: list[list[F64]] = []
+    while left:
+        entries = {k: [v[0] for piece in stops[k] for v in piece] for k in left}
+        place = here if here is not None else entries[left[0]][0]
+        k = min(left, key=lambda g: float(between[place, entries[g]].min()))
+        left.remove(k)
+        tour = Tour(stops[k], between, here, None if left else last).best()
+        lines = [groups[k][p].variants[v // 2][:: 1 - 2 * (v % 2)] for p, v in tour]
+        done.append(lines)
+        here = stops[k][tour[-1][0]][tour[-1][1]][1]
+    return done
+
+
+def linked(lines: Sequence[F64], graph: VisibilityGraph, start: F64 | None) -> F64:
+    """(n, 2) one path along all lines, each edge within the space.
+
+    What cannot be got to is left out; so the path begins with the first line if `start` is None.
+    """
+    path = [start[None]] if start is not None else []
+    for line in lines:
+        here = path[-1][-1:] if path else line[:0]
+        corners = np.vstack([here, line])
+        clear = graph.sees(corners[:-1], corners[1:])
+        path.append(corners[:1])
+        for a, b, is_clear in zip(corners[:-1], corners[1:], clear, strict=True):
+            way = np.vstack([a, b]) if is_clear else graph.way(path[-1][-1], b)
+            if way is not None:
+                path.append(way[1:])
+    return joined(path)

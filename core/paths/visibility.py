@@ -1,0 +1,187 @@
+"""Shortest ways within a polygon: a visibility graph over the corners that a way can bend at.
+
+A shortest way bends only at corners where the polygon bulges inwards, and touches them there. So
+only such corners are nodes, and only lines that touch at their ends are tried.
+Source: Lozano-Perez and Wesley, Collision-free paths among polyhedral obstacles, 1979.
+"""
+
+import heapq
+import math
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import Polygon
+
+from core.paths.sight_kernels import WallEdges, lines_of_sight, through_all
+from core.records import F64
+
+MOST_STRIPS = 200
+TOUCH_M = 1e-6  # what a line along an edge may seem to lie outside, by rounding
+Bools = npt.NDArray[np.bool_]
+
+
+def bends_of(polygon: Polygon) -> tuple[F64, F64, F64]:
+    """Corners that bulge inwards, those before them, and those behind them; (n, 2) each."""
+    here, before, behind = [], [], []
+    for number, ring in enumerate([polygon.exterior, *polygon.interiors]):
+        points = shapely.get_coordinates(ring)[:-1]
+        if ring.is_ccw != (number == 0):
+            points = points[::-1]  # so that the polygon lies to the left
+        prior, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
+        is_bend = cross(points - prior, after - points) < 0
+        here.append(points[is_bend])
+        before.append(prior[is_bend])
+        behind.append(after[is_bend])
+    return np.vstack(here), np.vstack(before), np.vstack(behind)
+
+
+def cross(a: F64, b: F64) -> F64:
+    """Of (..., 2) and (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def wall_edges(polygon: Polygon) -> WallEdges:
+    """Edges a hair outside the polygon: what leaves it crosses one, what touches it none."""
+    loose = polygon.buffer(TOUCH_M, quad_segs=1)
+    rings = [shapely.get_coordinates(ring) for ring in [loose.exterior, *loose.interiors]]
+    edges = np.vstack([np.hstack([ring[:-1], ring[1:]]) for ring in rings])
+    y = np.sort(edges[:, [1, 3]], axis=1)
+    low_m, strips = float(y[:, 0].min()), min(len(edges), MOST_STRIPS)
+    strip_m = (float(y[:, 1].max()) - low_m) / strips
+    at = np.clip(((y - low_m) / strip_m).astype(np.int64), 0, strips - 1)
+    counts = at[:, 1] - at[:, 0] + 1
+    number = np.repeat(np.arange(len(edges)), counts)
+    strip = np.repeat(at[:, 0] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    order = np.argsort(strip, kind="stable")
+    first = np.searchsorted(strip[order], np.arange(strips + 1)).astype(np.int64)
+    return WallEdges(np.ascontiguousarray(edges[number[order]]), first, low_m, strip_m)
+
+
+class VisibilityGraph:
+    """Ways between any two points of a polygon. Rows of the graph are made when asked for."""
+
+    def __init__(self, polygon: Polygon, bends: Polygon | None = None) -> None:
+        """`bends`: a polygon inside, of fewer corners, at which ways may bend instead."""
+        self.polygon = polygon
+        self.walls = wall_edges(polygon)
+        self._bends = bends
+        self.nodes, before, behind = bends_of(polygon if bends is None else bends)
+        self._before, self._behind = before - self.nodes, behind - self.nodes
+        self._fine: VisibilityGraph | None = None
+        self._rows: dict[int, list[tuple[int, float]]] = {}
+
+    def sees(self, starts: F64, ends: F64) -> Bools:
+        """(n,) whether the line between two points of the polygon, (n, 2) each, lies within it."""
+        lines = np.concatenate([starts, ends], axis=1)
+        seen = np.empty(len(lines), dtype=np.bool_)
+        lines_of_sight(self.walls, lines, seen)
+        return seen
+
+    def touched_from(self, point: F64) -> npt.NDArray[np.intp]:
+        """Nodes that a line from this point would touch, and not run into."""
+        if self._bends is not None:
+            line = shapely.shortest_line(shapely.Point(point), self._bends)
+            point = shapely.get_coordinates(line)[1]
+        way = self.nodes - point
+        return np.flatnonzero(cross(way, self._before) * cross(way, self._behind) >= -1e-12)
+
+    def seen_from(self, point: F64) -> list[tuple[int, float]]:
+        """Nodes in sight of a point at which a way may go on, and how far they are."""
+        maybe = self.touched_from(point)
+        if len(maybe) == 0:
+            return []
+        ends = self.nodes[maybe]
+        return self._those_seen(point, maybe, ends)
+
+    def _those_seen(
+        self, point: F64, maybe: npt.NDArray[np.intp], ends: F64
+    ) -> list[tuple[int, float]]:
+        seen = self.sees(np.broadcast_to(point, ends.shape), ends)
+        far = np.hypot(*(ends - point).T)
+        return list(zip(maybe[seen].tolist(), far[seen].tolist(), strict=True))
+
+    def _row(self, node: int) -> list[tuple[int, float]]:
+        if node not in self._rows:
+            here = self.nodes[node]
+            maybe = self.touched_from(here)
+            way = self.nodes[maybe] - here
+            touches = cross(way, self._before[node]) * cross(way, self._behind[node]) >= -1e-12
+            maybe = maybe[touches & (maybe != node)]
+            self._rows[node] = self._those_seen(here, maybe, self.nodes[maybe])
+        return self._rows[node]
+
+    def way(self, start: F64, goal: F64) -> F64 | None:
+        """(n, 2) the shortest way, both ends with it; None where there is none.
+
+        Ends must lie in the polygon. Where `bends` lets nothing through, all corners are tried.
+        """
+        if self.sees(start[None], goal[None])[0]:
+            return np.vstack([start, goal])
+        found = self._way_by_nodes(start, goal)
+        if found is None and self._bends is not None:
+            self._fine = self._fine or VisibilityGraph(self.polygon)
+            return self._fine.way(start, goal)
+        return found
+
+    def _way_by_nodes(self, start: F64, goal: F64) -> F64 | None:
+        """A* by the straight distance, which is never too long."""
+        last = dict(self.seen_from(goal))
+        to_go = np.hypot(*(self.nodes - goal).T)
+        best = dict(self.seen_from(start))
+        came_from: dict[int, int] = {}
+        done: set[int] = set()
+        heap = [(far + to_go[node], node) for node, far in best.items()]
+        heapq.heapify(heap)
+        shortest, via = math.inf, -1
+        while heap:
+            bound, node = heapq.heappop(heap)
+            if bound >= shortest:
+                break
+            if node in done:
+                continue
+            done.add(node)
+            if node in last and best[node] + last[node] < shortest:
+                shortest, via = best[node] + last[node], node
+            for other, far in self._row(node):
+                if best[node] + far < best.get(other, math.inf):
+                    best[other], came_from[other] = best[node] + far, node
+                    heapq.heappush(heap, (best[other] + to_go[other], other))
+        if via < 0:
+            return None
+        nodes = [via]
+        while nodes[-1] in came_from:
+            nodes.append(came_from[nodes[-1]])
+        return np.vstack([start, self.nodes[nodes[::-1]], goal])
+
+    def distances(self, points: F64, nearest: int) -> F64:
+        """(n, n) lengths of ways between points; each is joined to its nearest nodes only.
+
+        So a length may be a little too long, and is infinite where no node is in sight.
+        """
+        through = self._between_nodes()
+        joined = np.full((len(points), len(self.nodes)), math.inf)
+        for k, point in enumerate(points):
+            maybe = self.touched_from(point)
+            far = np.hypot(*(self.nodes[maybe] - point).T)
+            maybe = maybe[np.argsort(far, kind="stable")[:nearest]]
+            for node, length in self._those_seen(point, maybe, self.nodes[maybe]):
+                joined[k, node] = length
+        total = np.full((len(points), len(points)), math.inf)
+        for k in range(len(points)):
+            used = np.flatnonzero(np.isfinite(joined[k]))
+            if len(used):
+                to_nodes = (joined[k, used, None] + through[used]).min(axis=0)
+                total[k] = (to_nodes + joined).min(axis=1)
+        return np.asarray(np.minimum(total, total.T))
+
+    def _between_nodes(self) -> F64:
+        """(n, n) shortest lengths from node to node."""
+        count = len(self.nodes)
+        lengths = np.full((count, count), math.inf)
+        np.fill_diagonal(lengths, 0.0)
+        for node in range(count):
+            for other, far in self._row(node):
+                lengths[node, other] = lengths[other, node] = far
+        through_all(lengths)
+        return lengths

@@ -1,0 +1,154 @@
+"""A folder of JPEG images with times, sent as a web camera would, each at its time.
+
+`times.csv` names them: `file,t_s` in each line, without a heading, times in seconds and in order.
+The first image comes as soon as the stream is asked for, the others so much later than it as their
+times say. Once all are sent the port is closed, and stays so. A thread reads the files.
+"""
+
+import contextlib
+import csv
+import ctypes
+import math
+import os
+import select
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
+
+from hw.ports.parts import DAMAGED, HEAD, Request, part
+from hw.ports.reopening import ReopeningPort
+from hw.ports.url import PortUrl
+from hw.runtime.threads import Worker
+
+TIMES = "times.csv"
+MOST_BYTES = 512 * 1024 * 1024  # of all images: they are kept in memory
+CLOCK_MONOTONIC, TIMER_ABSTIME = 1, 1
+TIMER_FLAGS = os.O_NONBLOCK | os.O_CLOEXEC
+Images = list[tuple[float, bytes]]  # seconds after the first one, and a file
+
+
+def images_of(folder: Path) -> Images:
+    """All that times.csv names.
+
+    Raises:
+        OSError: something is not there.
+        ValueError: it can't be played; says why.
+    """
+    images: Images = []
+    first_s, size = math.nan, 0
+    with open(folder / TIMES, encoding="utf-8", newline="") as file:
+        for number, row in enumerate(csv.reader(file), 1):
+            try:
+                name, t_s = row[0], float(row[1])
+            except (ValueError, IndexError):
+                name, t_s = "", math.nan
+            if not name or not math.isfinite(t_s):
+                raise ValueError(
+                    f"{TIMES}, line {number}: needs file,seconds; is {','.join(row)!r}"
+                )
+            if images and t_s - first_s < images[-1][0]:
+                raise ValueError(f"{TIMES}, line {number}: {t_s:g} s is before the line above")
+            first_s = first_s if images else t_s
+            data = (folder / name).read_bytes()
+            size += len(data)
+            if size > MOST_BYTES:
+                raise ValueError(f"has more than {MOST_BYTES >> 20} MiB of images: play fewer")
+            images.append((t_s - first_s, data or DAMAGED))
+    if not images:
+        raise ValueError(f"{TIMES} names no image")
+    return images
+
+
+class Timer:
+    """A descriptor, readable from an instant of the monotonic clock on. timerfd_create(2)."""
+
+    def __init__(self) -> None:
+        self._libc = ctypes.CDLL(None, use_errno=True)
+        self.fd = int(self._libc.timerfd_create(CLOCK_MONOTONIC, TIMER_FLAGS))
+        if self.fd < 0:
+            code = ctypes.get_errno()
+            raise OSError(code, os.strerror(code))
+
+    def set(self, at_s: float) -> None:
+        """Forgets what was set before."""
+        seconds, rest = divmod(max(1, round(at_s * 1e9)), 1_000_000_000)
+        once = (ctypes.c_long * 4)(0, 0, seconds, rest)
+        self._libc.timerfd_settime(self.fd, TIMER_ABSTIME, ctypes.byref(once), None)
+
+    def is_due(self) -> bool:
+        return bool(select.select([self.fd], [], [], 0)[0])
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            os.close(self.fd)
+
+
+class FolderPort(ReopeningPort):
+    """Images of a folder, once. What is written to it only opens the stream."""
+
+    def __init__(self, url: PortUrl) -> None:
+        super().__init__(url.path)
+        self._path, self._worker = Path(url.path), Worker()
+        self._opening: Future[Images] | None = None  # under way
+        self._images: Images = []
+        self._next = 0  # of them
+        self._begun_s = math.nan  # when the first one was due
+        self._timer: Timer | None = None  # while open
+        self._request, self._owes_head, self._is_over = Request(), False, False
+
+    def poll(self, now_s: float) -> bool:
+        return not self._is_over and super().poll(now_s)
+
+    def _try_open(self) -> bool:
+        if self._opening is None:
+            self._opening = self._worker.submit(partial(images_of, self._path))
+        if not self._opening.done():
+            return False
+        opening, self._opening = self._opening, None
+        self._images, self._next, self._begun_s = opening.result(), 0, math.nan
+        self._timer = Timer()
+        self._request.begin()
+        return True
+
+    def _due_s(self) -> float:
+        return self._begun_s + self._images[self._next][0]
+
+    def _read_into(self, pieces: list[bytes]) -> None:
+        assert self._timer is not None
+        if self._owes_head:
+            pieces.append(HEAD)
+            self._owes_head, self._begun_s = False, self._now_s
+        if math.isnan(self._begun_s):
+            return
+        if self._next == len(self._images):
+            self._is_over = True
+            self._lose(f"all {self._next} images of {self._where} are sent")
+            return
+        while self._next < len(self._images) and self._is_due():
+            pieces.append(part(self._images[self._next][1], round(1e6 * self._due_s())))
+            self._next += 1
+            if self._next < len(self._images):
+                self._timer.set(self._due_s())
+
+    def _is_due(self) -> bool:
+        """By the loop's clock, or by the system's where bytes are read between two turns."""
+        assert self._timer is not None
+        if self._is_polled:
+            return self._now_s >= self._due_s()
+        return self._next > 0 and self._timer.is_due()
+
+    def _send(self, data: bytes) -> int:
+        self._owes_head |= self._request.take(data)
+        return len(data)
+
+    def _let_go(self) -> None:
+        if self._timer is not None:
+            self._timer.close()
+        self._timer, self._images, self._owes_head = None, [], False
+
+    def close(self) -> None:
+        super().close()
+        self._worker.finish()
+
+    def _descriptor(self) -> int:
+        return -1 if self._timer is None else self._timer.fd

@@ -1,0 +1,136 @@
+"""Shortest ways: against a slow and obvious model, round corners, and why there is none."""
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from core.paths.rings import length_of
+from core.paths.space import narrowed, polygons_in
+from core.paths.ways import NoWay, Way, find_way, radius_of
+from tests.core.paths.floors import KINDS
+
+TWO = [shapely.box(0, 0, 2, 2), shapely.box(3, 0, 5, 2)]
+CORRIDOR = shapely.box(1.9, 0.9, 3.1, 1.15)
+
+
+def grid_length(space: shapely.Polygon, start: np.ndarray, goal: np.ndarray) -> float:
+    """The shortest way over a grid of 16 directions, by relaxing until nothing changes."""
+    step = 0.1
+    low = np.floor(np.array(space.bounds[:2]) / step) * step
+    size = np.ceil((np.array(space.bounds[2:]) - low) / step).astype(int) + 1
+    x, y = np.meshgrid(low[0] + step * np.arange(size[0]), low[1] + step * np.arange(size[1]))
+    nodes = np.column_stack([x.ravel(), y.ravel()])
+    nodes = np.vstack([nodes[shapely.contains_xy(space, *nodes.T)], start, goal])
+    far = np.hypot(*np.moveaxis(nodes[:, None] - nodes, 2, 0))
+    i, j = np.nonzero((far < 2.3 * step) & (far > 0))
+    lines = shapely.linestrings(np.stack([nodes[i], nodes[j]], axis=1))
+    free = shapely.covers(space.buffer(1e-9), lines)
+    i, j, cost = i[free], j[free], far[i, j][free]
+    best = np.full(len(nodes), math.inf)
+    best[-2] = 0.0
+    while True:
+        after = best.copy()
+        np.minimum.at(after, j, best[i] + cost)
+        if np.array_equal(after, best):
+            return float(best[-1])
+        best = after
+
+
+@settings(max_examples=10, deadline=None)
+@given(kind=st.sampled_from(["rooms", "ragged"]), seed=st.integers(0, 10**6))
+def test_a_way_keeps_off_walls_and_is_never_longer_than_one_over_a_grid(
+    kind: str, seed: int
+) -> None:
+    floor, margin_m = KINDS[kind](seed), 0.12
+    parts = [p for p in polygons_in(narrowed(floor, margin_m)) if p.area > 0.3]
+    if not parts:
+        return
+    chance = np.random.default_rng(seed)
+    low, high = np.split(np.array(parts[0].bounds), 2)
+    some = chance.uniform(low, high, (200, 2))
+    start, goal = some[shapely.contains_xy(parts[0], *some.T)][:2]
+    way = find_way(floor, margin_m, tuple(start), tuple(goal))
+    assert isinstance(way, Way)
+    line = shapely.LineString(way.points)
+    assert floor.covers(line)
+    assert floor.boundary.distance(line) >= margin_m - 1e-6
+    assert way.length_m == pytest.approx(length_of(way.points))
+    assert math.dist(start, goal) <= way.length_m <= grid_length(parts[0], start, goal) + 1e-6
+
+
+def test_a_way_round_a_corner_is_the_tight_arc() -> None:
+    """Two tangents to the circle of the margin, and the arc between where they touch."""
+    corner = shapely.box(0, 0, 4, 4).difference(shapely.box(0, 0, 2, 2))
+    way = find_way(corner, 0.5, (0.6, 2.6), (2.6, 0.6))
+    assert isinstance(way, Way)
+    far = math.hypot(1.4, 0.6)
+    round_rad = 2 * math.pi - math.acos(-1.68 / far**2) - 2 * math.acos(0.5 / far)
+    assert way.length_m == pytest.approx(2 * math.sqrt(far**2 - 0.25) + 0.5 * round_rad, rel=0.005)
+
+
+def test_a_labyrinth_is_walked_to_its_end() -> None:
+    walls = [
+        shapely.box(k, 0 if k % 2 else 0.5, k + 0.1, 2.5 if k % 2 else 3) for k in range(1, 12)
+    ]
+    floor = shapely.box(0, 0, 12, 3).difference(shapely.union_all(walls))
+    way = find_way(floor, 0.2, (0.5, 1.5), (11.6, 1.5))
+    assert isinstance(way, Way)
+    assert 25.0 < way.length_m < 32.0
+    assert floor.boundary.distance(shapely.LineString(way.points)) >= 0.2 - 1e-6
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "margin_m", "why", "said"),
+    [
+        (
+            (0.05, 1),
+            (4, 1),
+            0.15,
+            "start",
+            "start: 0.05,1 is 0.050 m from a wall or obstacle, must",
+        ),
+        ((1, 1), (2.5, 1.9), 0.15, "goal", "goal: 2.5,1.9 lies 0.500 m off the floor"),
+        (
+            (1, 1),
+            (4, 1),
+            0.15,
+            "gap",
+            "the widest gap between start and goal is 0.248 m wide, at 2.00,1.02: 0.052 m",
+        ),
+    ],
+)
+def test_why_there_is_no_way(
+    start: tuple[float, float], goal: tuple[float, float], margin_m: float, why: str, said: str
+) -> None:
+    found = find_way(shapely.union_all([*TWO, CORRIDOR]), margin_m, start, goal)
+    assert isinstance(found, NoWay)
+    assert found.why == why
+    assert found.describe().startswith(said)
+
+
+def test_a_gap_that_is_wide_enough_is_taken_and_walls_without_one_are_told() -> None:
+    assert isinstance(find_way(shapely.union_all([*TWO, CORRIDOR]), 0.12, (1, 1), (4, 1)), Way)
+    found = find_way(shapely.union_all(TWO), 0.1, (1, 1), (4, 1))
+    assert isinstance(found, NoWay)
+    assert found.describe() == "start and goal: walls part them, there is no gap at all"
+    nowhere = find_way(shapely.Polygon(), 0.1, (1, 1), (4, 1))
+    assert isinstance(nowhere, NoWay)
+    assert "no floor" in nowhere.describe()
+
+
+def test_the_gap_is_measured_and_found() -> None:
+    found = find_way(shapely.union_all([*TWO, CORRIDOR]), 0.2, (1, 1), (4, 1))
+    assert isinstance(found, NoWay)
+    assert found.needed_m == 0.4
+    assert found.there_m == pytest.approx(0.25, abs=0.002)
+    assert 1.9 < found.place[0] < 3.1
+
+
+def test_a_footprint_counts_by_its_farthest_corner_from_where_it_turns() -> None:
+    assert radius_of(np.array([[0.3, 0.2], [-0.1, 0.2], [-0.1, -0.2], [0.3, -0.2]])) == (
+        pytest.approx(math.hypot(0.3, 0.2))
+    )

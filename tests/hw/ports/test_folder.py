@@ -1,0 +1,79 @@
+"""A folder of images, played at its times as a web camera would send them."""
+
+import select
+from pathlib import Path
+
+import pytest
+
+from hw.ports.folder import FolderPort, Timer
+from hw.ports.wires import open_port
+from hw.stripe.mjpeg import Event, Jpeg, MjpegParser, StreamBegun, encode_request
+from tests.support.real_wires import START_S, until
+
+IMAGES = [b"\xff\xd8 %d \xff\xd9" % k for k in range(3)]
+
+
+def folder_of(folder: Path, lines: str) -> FolderPort:
+    for k, image in enumerate(IMAGES):
+        (folder / f"{k}.jpg").write_bytes(image)
+    (folder / "times.csv").write_text(lines)
+    port = open_port(f"folder://{folder}")
+    assert isinstance(port, FolderPort)
+    until(lambda: port.poll(START_S) or port.cause != "not opened yet")
+    return port
+
+
+class Reader:
+    """Reads it at given times."""
+
+    def __init__(self, port: FolderPort) -> None:
+        self.port, self.parser = port, MjpegParser(10_000)
+
+    def at(self, now_s: float) -> list[Event]:
+        self.port.poll(now_s)
+        return [one for piece in self.port.read() for one in self.parser.feed(now_s, piece)]
+
+
+def test_each_image_comes_at_its_time_once(tmp_path: Path) -> None:
+    port = folder_of(tmp_path, "0.jpg,7.5\n1.jpg,7.6\n2.jpg,8.0\n")
+    reader = Reader(port)
+    assert reader.at(START_S + 5.0) == []  # nobody has asked
+    port.write(encode_request("camera", "/stream"))
+    begun_s = START_S + 6.0
+    first, *rest = reader.at(begun_s)
+    assert first == StreamBegun()
+    assert rest == [Jpeg(IMAGES[0], begun_s, begun_s, round(begun_s * 1e6))]
+    assert reader.at(begun_s + 0.09) == []
+    late_s = begun_s + 0.12  # its stamp is its time, not that of the turn
+    assert reader.at(late_s) == [Jpeg(IMAGES[1], late_s, late_s, round((begun_s + 0.1) * 1e6))]
+    assert [type(one) for one in reader.at(begun_s + 0.5)] == [Jpeg]
+    assert reader.at(begun_s + 0.6) == []
+    assert port.cause == f"all 3 images of {tmp_path} are sent"
+    assert not port.poll(begun_s + 100.0)
+    assert port.fileno() == -1
+    port.close()
+
+
+@pytest.mark.parametrize(
+    ("lines", "cause"),
+    [
+        ("", "times.csv names no image"),
+        ("0.jpg,soon\n", "times.csv, line 1: needs file,seconds; is '0.jpg,soon'"),
+        ("0.jpg,1\n1.jpg,nan\n", "line 2: needs file,seconds"),
+        ("0.jpg,1\n1.jpg,0.5\n", "line 2: 0.5 s is before the line above"),
+        ("none.jpg,1\n", "no such device"),
+    ],
+)
+def test_what_cannot_be_played_is_told(tmp_path: Path, lines: str, cause: str) -> None:
+    port = folder_of(tmp_path, lines)
+    assert cause in port.cause
+    port.close()
+
+
+def test_the_timer_is_readable_when_its_instant_is_over() -> None:
+    timer = Timer()
+    timer.set(1e9)
+    assert not timer.is_due()
+    timer.set(0.0)
+    assert select.select([timer.fd], [], [])[0] == [timer.fd]
+    timer.close()

@@ -1,0 +1,209 @@
+"""Plans on a floor plan: a path that sweeps all of it, or the shortest way from A to B.
+
+FILE is GeoJSON in metres (polygons; `kind` obstacle or room, lines are walls) or a map that
+Valetudo stores of a vacuum robot (versions 1 and 2). Metres; x to the right, y up. Start and dock
+are those of the file unless they are given. It opens no port.
+"""
+
+import argparse
+import importlib.util
+import json
+import math
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tools.cli.options import fail, number_in, parser_of, value_of
+
+if TYPE_CHECKING:
+    from shapely import MultiPolygon
+
+    from core.paths.measures import Measures
+    from core.paths.records import Machine
+    from tools.floorplans.records import FloorPlan
+
+NOT_INSTALLED = "needs the library of polygons: pip install 'mapod[objects]'"
+Point = tuple[float, float]
+
+
+def a_point(text: str) -> Point:
+    def pair(given: str) -> Point:
+        x, y = given.split(",")
+        return float(x), float(y)
+
+    def is_finite(point: Point) -> bool:
+        return all(math.isfinite(value) for value in point)
+
+    return value_of(text, pair, is_finite, "two numbers X,Y in m")
+
+
+def a_footprint(text: str) -> list[Point]:
+    def corners(given: str) -> list[Point]:
+        return [a_point(each) for each in given.split()]
+
+    return value_of(text, corners, lambda c: len(c) >= 3, "three or more corners 'X,Y X,Y X,Y'")
+
+
+def arguments(given: list[str] | None) -> argparse.Namespace:
+    parser = parser_of(
+        "plan",
+        __doc__,
+        "mapod plan flat.json --width 0.3 --radius 0.17 --picture flat.png --out path.geojson",
+        "mapod plan hall.geojson --radius 0.4 --from 1,1 --to 20,7.5",
+    )
+    add = parser.add_argument
+    add("file", type=Path, help="the floor plan")
+    add("--width", type=number_in(0.01, 100), default=0.3, help="of the tool's band, in m (0.3)")
+    add("--overlap", type=number_in(0, 80), default=0.0, help="of neighbouring bands, in m (0)")
+    shape = parser.add_mutually_exclusive_group()
+    radius = "of the machine about the point it turns about, in m (half the width)"
+    shape.add_argument("--radius", type=number_in(0, 100), help=radius)
+    corners = "its corners 'X,Y X,Y ...' about that point; the circle round them is kept free"
+    shape.add_argument("--footprint", type=a_footprint, help=corners)
+    add("--clearance", type=number_in(0, 100), default=0.0, help="from walls, in m (0)")
+    add("--start", type=a_point, metavar="X,Y", help="where the path begins")
+    add("--dock", type=a_point, metavar="X,Y", help="where it ends, and begins without --start")
+    add("--free-ends", action="store_true", help="begin and end where it is best")
+    add("--rooms", action="store_true", help="room by room, if the file has rooms")
+    add("--angle", type=number_in(-360, 360), help="of the lanes, in deg (along the walls)")
+    add(
+        "--exact-lanes", action="store_true", help="leave lanes as they are laid, and their corners"
+    )
+    add("--from", dest="start_at", type=a_point, metavar="X,Y", help="a way from here")
+    add("--to", dest="goal", type=a_point, metavar="X,Y", help="to there")
+    add("--speed", type=number_in(0.01, 100), default=0.3, help="for the time, in m/s (0.3)")
+    add("--accel", type=number_in(0.01, 100), default=0.5, help="in m/s2 (0.5)")
+    add("--turn", type=number_in(1, 3600), default=90.0, help="on the spot, in deg/s (90)")
+    add("--report", action="store_true", help="tell the figures, and what is missed, as JSON")
+    add("--picture", type=Path, help="a PNG")
+    add("--out", type=Path, help="the path as GeoJSON, each line with its kind: sweep or travel")
+    options = parser.parse_args(given)
+    if (options.start_at is None) != (options.goal is None):
+        parser.error("--from and --to: say both or none")
+    if options.free_ends and (options.start or options.dock):
+        parser.error("--free-ends: not with --start or --dock")
+    return options
+
+
+def margin_of(options: argparse.Namespace) -> float:
+    """The machine's radius."""
+    if options.footprint is not None:
+        return max(math.hypot(x, y) for x, y in options.footprint)
+    return float(options.width / 2 if options.radius is None else options.radius)
+
+
+def write_json(path: Path | None, content: object) -> None:
+    if path is not None:
+        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def rings_of(areas: "MultiPolygon") -> list[list[Any]]:
+    """Polygons as GeoJSON has their coordinates, the largest first."""
+    parts = sorted(areas.geoms, key=lambda part: part.area, reverse=True)
+    return [[list(ring.coords) for ring in (p.exterior, *p.interiors)] for p in parts]
+
+
+def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> None:
+    """Raises FloorError, OSError."""
+    from core.paths.coverage import plan_coverage
+    from core.paths.measures import Motion, measures
+    from tools.floorplans.geojson import plan_as_geojson
+    from tools.floorplans.picture import MISSED, REACHED, drawn
+
+    start, dock = options.start or plan.start, options.dock or plan.dock
+    if options.dock is not None and options.start is None:
+        start = options.dock
+    if options.free_ends:
+        start = dock = None
+    begin_s = time.perf_counter()
+    made = plan_coverage(
+        plan.free,
+        machine,
+        start=start,
+        dock=dock,
+        rooms=[area for _, area in plan.rooms] if options.rooms else (),
+        angle_rad=None if options.angle is None else math.radians(options.angle),
+        is_refined=not options.exact_lanes,
+    )
+    took_s = time.perf_counter() - begin_s
+    motion = Motion(
+        speed_mps=options.speed, accel_mps2=options.accel, turn_radps=math.radians(options.turn)
+    )
+    told = measures(made, plan.free, machine, motion)
+    if options.report:
+        figures = {name: getattr(told, name) for name in told.__slots__}
+        figures |= {"planned_s": took_s, "uncovered": rings_of(made.uncovered)}
+        print(json.dumps(figures, indent=1))
+    else:
+        missed_m2, places = made.uncovered.area, len(made.uncovered.geoms)
+        print("\n".join(lines_of(told)))
+        print(
+            f"planned in         {took_s:9.2f} s; lanes at {math.degrees(made.angle_rad):.1f} deg"
+        )
+        print(f"missed             {missed_m2:9.3f} m2 in {places} places")
+    write_json(options.out, plan_as_geojson(made))
+    if options.picture is not None:
+        layers = [(made.reachable, REACHED), (made.uncovered, MISSED)]
+        drawn(plan.free, layers, made.segments).save(options.picture, format="PNG")
+
+
+def lines_of(told: "Measures") -> list[str]:
+    """The figures, a line each."""
+    return [
+        f"covered            {100 * told.covered_of_reachable:9.2f} % of what the tool can get to",
+        f"                   {100 * told.covered_of_free:9.2f} % of all free floor",
+        f"swept twice        {100 * told.overlap:9.1f} %",
+        f"path               {told.length_m:9.2f} m, {told.travel_m:.2f} m of it travel",
+        f"length ratio       {told.length_ratio:9.3f} x the area / the width",
+        f"turns              {told.turns:9d}, {math.degrees(told.turned_rad):.0f} deg in all",
+        f"time               {told.time_s:9.0f} s",
+        f"off the floor      {told.outside_m2:9.6f} m2",
+    ]
+
+
+def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> int:
+    """A way from A to B. Raises FloorError, OSError."""
+    from core.paths.records import Segment
+    from core.paths.ways import NoWay, find_way
+    from tools.floorplans.geojson import way_as_geojson
+    from tools.floorplans.picture import drawn
+
+    found = find_way(plan.free, machine.margin_m, options.start_at, options.goal)
+    if isinstance(found, NoWay):
+        return fail("plan", f"no way: {found.describe()}", 1)
+    corners = len(found.points) - 2
+    if options.report:
+        print(json.dumps({"length_m": found.length_m, "corners": corners}, indent=1))
+    else:
+        print(f"{found.length_m:.3f} m, {corners} corners")
+    write_json(options.out, way_as_geojson(found.points))
+    if options.picture is not None:
+        segments = [Segment("travel", found.points)]
+        drawn(plan.free, [], segments).save(options.picture, format="PNG")
+    return 0
+
+
+def main(given: list[str] | None = None) -> int:
+    """Exit status: 0 done, 1 no way from A to B, 2 wrong use or a floor that cannot be planned."""
+    options = arguments(given)
+    if importlib.util.find_spec("shapely") is None:
+        return fail("plan", NOT_INSTALLED)
+    from core.paths.records import Machine
+    from core.paths.space import FloorError
+    from tools.floorplans.plan_file import load_plan
+    from tools.floorplans.records import PlanFileError
+
+    try:
+        machine = Machine(
+            radius_m=margin_of(options),
+            clearance_m=options.clearance,
+            width_m=options.width,
+            overlap_m=options.overlap,
+        )
+        plan = load_plan(options.file)
+        if options.goal is not None:
+            return go(options, plan, machine)
+        cover(options, plan, machine)
+    except (FloorError, PlanFileError, ValueError, OSError) as error:
+        return fail("plan", error)
+    return 0

@@ -1,0 +1,1 @@
+"""What a person runs on the steps from a depth image to objects: frames, pictures."""

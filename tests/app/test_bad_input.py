@@ -4,16 +4,26 @@ import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from config_file import load_config, read_key
 from core.config import ConfigError
 from fakes.scenes.scene import load_scene
+from hw.ax3500.lines import LineParser
+from hw.device import BadFrame
+from hw.lms1xx.telegrams import new_parser
+from hw.modbus.network import take_requests
+from hw.mti.frames import MtParser
+from hw.planner_link.frames import Deframer
+from hw.planner_link.messages import decode_answer
+from hw.urg04lx.scip import ScipParser
 from map_files import load_map
 from tests import ROOT, Capsys, Patch
-from tests.app.bad_input import rows_of
+from tests.app.bad_input import frames, rows_of
 from tests.app.bad_input.files import KEYS, MAPS, RECORDINGS, SCENES, SETTINGS
 from tests.support.plain_user import as_plain_user
 from tests.support.shipped import TEXT, shipped
@@ -23,6 +33,18 @@ PROCESSES = (  # the same as real processes
     ("run --config /dev/zero", "must be at most 1000000 bytes long, is longer"),
     ("link-test --port udp://127.0.0.1:1 --gap-ms -5", "--gap-ms: must be from 0 to 1000"),
 )
+
+PARSERS: dict[str, Callable[[], Any]] = {
+    "lms111": new_parser,
+    "mti": lambda: MtParser(115_200),
+    "ax3500": LineParser,
+    "urg04lx": ScipParser,
+}
+DAMAGED = [
+    pytest.param(device, *row, id=f"{device}, {name}")
+    for device, rows in frames.DEVICES.items()
+    for name, row in rows.items()
+]
 
 
 def with_setting(name: str, given: str) -> str:
@@ -152,3 +174,37 @@ def test_what_nobody_may_read_is_told(tmp_path: Path) -> None:
 
     told = f"planner.key_file: can't read {str(path)!r}: Permission denied"
     assert as_plain_user(said) == told
+
+
+@pytest.mark.parametrize(("data", "reason"), frames.LINK.values(), ids=frames.LINK)
+def test_a_datagram_of_the_planner_link(data: bytes, reason: str) -> None:
+    refused = decode_answer(data)
+    assert isinstance(refused, BadFrame)
+    assert refused.reason == reason
+
+
+@pytest.mark.parametrize(("data", "reason"), frames.SERIAL.values(), ids=frames.SERIAL)
+def test_a_line_of_the_planner_link(data: bytes, reason: str) -> None:
+    [refused] = Deframer().feed(data)
+    assert isinstance(refused, BadFrame)
+    assert refused.reason == reason
+
+
+@pytest.mark.parametrize(("data", "reason"), frames.MODBUS.values(), ids=frames.MODBUS)
+def test_a_request_of_modbus(data: bytes, reason: str) -> None:
+    assert take_requests(bytearray(data)) == ([], reason)
+
+
+@pytest.mark.parametrize(("device", "data", "reason"), DAMAGED)
+def test_an_answer_of_a_device(device: str, data: bytes, reason: str) -> None:
+    """It counts as damaged, whole or cut anywhere, and nothing else comes of it."""
+    for size in (len(data), 1, 7):
+        parser = PARSERS[device]()
+        events = [
+            event
+            for at in range(0, len(data), size)
+            for event in parser.feed(0.0, data[at : at + size])
+        ]
+        events += [event for now_s in (5.0, 10.0) for event in parser.feed(now_s, b"")]
+        assert {type(event) for event in events} == {BadFrame}
+        assert reason in {event.reason for event in events}

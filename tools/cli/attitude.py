@@ -8,7 +8,6 @@ again when this is done.
 import struct
 from collections.abc import Callable, Iterator
 
-from core.config import ConfigError
 from hw.mti.frames import (
     BAUD_CODES,
     Mid,
@@ -138,8 +137,6 @@ def self_test(talk: Conversation) -> list[str]:
 
 
 def keep_still(talk: Conversation, seconds: int) -> list[str]:
-    if not 0 <= seconds <= 0xFFFF:
-        raise ConfigError(f"seconds: must be within 0..65535, is {seconds}")
     to_measurement(talk)
     answer(talk, Mid.SetNoRotation, struct.pack(">H", seconds))
     return [f"keep it still for {seconds} s: it learns the bias of its gyroscopes"]

@@ -12,6 +12,7 @@ from app import LOOK_S
 from core.driving import health
 from core.driving.control import ORDER_S
 from core.driving.health import AHRS_STALE_S, WHEELS_STALE_S, stale_s
+from core.motion.wheel_check import IGNORED_RAD
 from tests import ROOT
 from tests.app.test_drive import Commander, driving
 from tests.support.cases import few
@@ -81,6 +82,23 @@ def test_an_attitude_whose_gyro_contradicts_its_angles_is_counted_and_the_angles
     assert abs(pitch_rad) < 0.06
     assert abs(roll_rad) < 0.06
     assert attitudes.orientation.doubted > 0
+
+
+def test_an_attitude_that_stands_still_while_the_wheels_turn_is_not_believed_for_long() -> None:
+    """Samples come, counted and noisy, and tell one and the same attitude."""
+    commander = driving()
+    commander.drive(0.0, 0.5, 1.5)
+    sensor, now_s = commander.loop.rig.ahrs.sensor, commander.loop.now_s
+    stuck = sensor._motion_at(now_s)
+    stuck = (stuck[0], np.zeros(3), stuck[2])
+    sensor._motion_at = lambda t_s: stuck
+    begun_rad = commander.place[2]
+    commander.run(4.0)
+    assert commander.place[2] - begun_rad < IGNORED_RAD + 0.3  # and until it stands
+    assert commander.loop.rig.drive.powers() == (0, 0)
+    assert commander.blocked_by == "the pose is not known"
+    assert not commander.health & health.POSE_VALID
+    assert free_cells(commander) == 0
 
 
 def test_the_wall_clock_is_read_for_what_people_read_alone() -> None:

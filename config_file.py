@@ -11,6 +11,7 @@ from core.config import Config, ConfigError, Drivers, config_from_text, config_w
 from hw.registry import ATTITUDE_SENSORS, DRIVES, SCANNERS
 
 KEY_BYTES = 32
+MOST_BYTES = 1_000_000  # of a settings file: fifty times the longest
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
 
 
@@ -26,6 +27,22 @@ def drivers() -> Drivers:
 def load_config(text: str) -> Config:
     """The settings in a TOML text; ConfigError names the key that can't be."""
     return config_from_text(text, drivers())
+
+
+def read_settings(path: Path) -> str:
+    """The text of a settings file, not looked at yet. Raises ConfigError: can't be read."""
+    try:
+        with path.open("rb") as file:
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise ConfigError(f"must be at most {MOST_BYTES} bytes long, is longer")
+        return content.decode("utf-8")
+    except FileNotFoundError as error:
+        raise ConfigError(f"{error.strerror}; mapod init writes one") from None
+    except OSError as error:
+        raise ConfigError(f"can't be read: {error.strerror}") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"must be UTF-8 text: {error}") from None
 
 
 def with_changes(config: Config, **sections: dict[str, Any]) -> Config:

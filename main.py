@@ -16,7 +16,7 @@ from pathlib import Path
 from types import FrameType
 
 from app import App, Ports, warm_kernels
-from config_file import load_config, read_key, with_changes
+from config_file import load_config, read_key, read_settings, with_changes
 from core.config import Config, ConfigError, outdated_in
 from core.saved.encoding import Arrays, StateError
 from core.saved.state import restore, was_moving
@@ -181,7 +181,7 @@ def settings_of(options: argparse.Namespace) -> Config:
         ConfigError: as load_config.
         StateError: a map is to be loaded, and nobody sees where the robot stands.
     """
-    text = Path(options.config).read_text(encoding="utf-8")
+    text = read_settings(Path(options.config))
     config = load_config(text)
     for change in outdated_in(text):
         print(f"{options.config}: {change}", file=sys.stderr)
@@ -203,6 +203,8 @@ def check_folders(options: argparse.Namespace, config: Config) -> None:
     for name, path in wanted.items():
         if path and not Path(path).parent.is_dir():
             raise StateError(f"{name}: there is no folder for {path!r}")
+        if path and not path.endswith("/") and Path(path).is_dir():
+            raise StateError(f"{name}: must be a file, {path!r} is a folder")
 
 
 def live(
@@ -249,7 +251,7 @@ def run(
     except StateError as error:
         print(error, file=sys.stderr)
         return 2
-    except (ConfigError, OSError, UnicodeDecodeError) as error:
+    except (ConfigError, OSError) as error:
         print(f"{options.config}: {error}", file=sys.stderr)
         return 2
     with contextlib.closing(ports):

@@ -1,6 +1,7 @@
 """Saved maps as files: read and checked before the run, written beside the loop, whole or not."""
 
 import os
+import stat
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -15,11 +16,19 @@ from core.saved.state import state_of, was_moving
 from hw.runtime.threads import Worker
 from logs import LOG
 
+MOST_BYTES = 1_000_000_000  # of a saved map: more than of the largest that settings allow
+
 
 def load_map(path: str, config: Config) -> Arrays:
     """The state of a map in a file, or StateError: not read, damaged, or of other settings."""
     try:
-        arrays = arrays_from_bytes(Path(path).read_bytes())
+        with Path(path).open("rb") as file:
+            status = os.fstat(file.fileno())
+            if not stat.S_ISREG(status.st_mode):
+                raise StateError("it is no file on a disk")
+            if status.st_size > MOST_BYTES:
+                raise StateError(f"it must have at most {MOST_BYTES} bytes, has {status.st_size}")
+            arrays = arrays_from_bytes(file.read())
         check_state(arrays, config)
     except (OSError, StateError) as error:
         reason = error.strerror if isinstance(error, OSError) else error

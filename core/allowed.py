@@ -4,6 +4,8 @@ from typing import Any
 
 import msgspec
 
+LONGEST_SHOWN = 500  # characters of what was given
+
 
 def allowed(field_type: Any) -> str:
     """What a key of that type may be, as it stands after "must be"."""
@@ -31,6 +33,15 @@ def allowed(field_type: Any) -> str:
             return "a text, or a list of up to 8 texts that are not empty"
         case _:
             return "a text"
+
+
+def shown(value: Any) -> str:
+    """What was given, on one line that a person can read."""
+    try:
+        text = repr(value)
+    except (RecursionError, ValueError):  # nested thousandfold; a number of thousands of digits
+        return "too large to be shown"
+    return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."
 
 
 def _allowed_literal(info: Any) -> str:

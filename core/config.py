@@ -7,6 +7,7 @@ Source: design, section 6.
 """
 
 import math
+import re
 import tomllib
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Protocol, runtime_checkable
@@ -14,7 +15,7 @@ from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 import msgspec
 from msgspec import Meta, Struct
 
-from core.allowed import allowed
+from core.allowed import LONGEST_SHOWN, allowed, shown
 from core.map_settings import Certainty, Ground, Map, Obstacle, ShadowFilter
 from core.records import ScannerSpec
 
@@ -185,11 +186,16 @@ def config_from_text(text: str, drivers: Drivers) -> Config:
     Raises:
         ConfigError: not TOML, or a key is unknown, missing, of a wrong type or out of range.
     """
+    return _config_from(_table_in(text), drivers)
+
+
+def _table_in(text: str) -> dict[str, Any]:
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        return tomllib.loads(text)
+    except ValueError as error:  # also for a number of thousands of digits
         raise ConfigError(f"not valid TOML: {error}") from None
-    return _config_from(table, drivers)
+    except RecursionError:
+        raise ConfigError("not valid TOML: lists or tables are nested too deeply") from None
 
 
 def _bring_up_to_date(table: dict[str, Any]) -> list[str]:
@@ -202,7 +208,7 @@ def _bring_up_to_date(table: dict[str, Any]) -> list[str]:
         if "cell_value" in keys:
             value = keys.pop("cell_value")
             if value not in ("mean", "kalman"):
-                raise ConfigError(f"map.cell_value: must be 'mean' or 'kalman', is {value!r}")
+                raise ConfigError(f"map.cell_value: must be 'mean' or 'kalman', is {shown(value)}")
             changed.append("map.cell_value: is gone, every cell is filtered")
     if "motion" not in table:
         table["motion"] = {"source": "wheels"}
@@ -273,7 +279,7 @@ def _checked(section: str, given: Keys, kind: type[Struct]) -> Struct:
             raise ConfigError(f"{section}.{error.__cause__}") from None
         key = str(error).rpartition("`$.")[2].rstrip("`").partition("[")[0]
         raise ConfigError(
-            f"{section}.{key}: must be {allowed(_fields(kind)[key])}, is {given[key]!r}"
+            f"{section}.{key}: must be {allowed(_fields(kind)[key])}, is {shown(given[key])}"
         ) from None
 
 
@@ -298,9 +304,10 @@ def _check_keys(table: dict[str, Any], drivers: Drivers) -> None:
     sections = _sections(table)
     for section in [*table, *(name for name in sections if name not in table)]:
         if section not in sections:
-            faults.append(f"[{section}]: unknown section; allowed are {', '.join(sections)}")
+            allowed_are = f"allowed are {', '.join(sections)}"
+            faults.append(f"[{_name(section)}]: unknown section; {allowed_are}")
         elif not isinstance(table.get(section, {}), dict):
-            faults.append(f"{section}: must be a section, is {table[section]!r}")
+            faults.append(f"{section}: must be a section, is {shown(table[section])}")
         else:
             given, kind = table.get(section, {}), sections[section]
             faults += _faulty_keys(section, given, kind, drivers.get(section))
@@ -317,18 +324,23 @@ def _faulty_keys(
         driver = given["driver"]
         if not isinstance(driver, str) or driver not in drivers:
             allowed = " or ".join(map(repr, drivers))
-            return [f"{section}.driver: must be {allowed}, is {driver!r}"]
+            return [f"{section}.driver: must be {allowed}, is {shown(driver)}"]
         keys, knows = keys + list(_fields(drivers[driver])), f" for driver {driver!r}"
     elif drivers is not None:  # what its other keys mean depends on it
         return [f"{section}.driver: missing"]
     return [
         *(
-            f"{section}.{key}: unknown key{knows}; allowed are {', '.join(keys)}"
+            f"{section}.{_name(key)}: unknown key{knows}; allowed are {', '.join(keys)}"
             for key in given
             if key not in keys
         ),
         *(f"{section}.{key}: missing" for key in keys if key not in given),
     ]
+
+
+def _name(key: str) -> str:
+    """A key on one line, whatever its quotes hold."""
+    return shown(key) if re.search(r"[^\w.-]", key) or len(key) > LONGEST_SHOWN else key
 
 
 def _check_finite(table: dict[str, Any]) -> None:
@@ -358,6 +370,21 @@ def _check_motion(config: Config) -> None:
         )
 
 
+def _check_paths(config: Config) -> None:
+    """Files and folders that are named, and may be off."""
+    record = config.record
+    named = {"planner.key_file": config.planner.key_file}
+    named |= {"record.path": record.path, "record.flight": record.flight}
+    for key, path in named.items():
+        if "\0" in path:
+            raise ConfigError(f"{key}: must be a path without NUL characters, is {shown(path)}")
+    if record.path and not record.path.endswith(("/", ".mcap")):
+        raise ConfigError(
+            'record.path: must be a folder that ends with "/", or a file that ends with ".mcap", '
+            f"is {shown(record.path)}"
+        )
+
+
 def _check_together(config: Config) -> None:
     """What only two keys together can break."""
     _check_motion(config)
@@ -383,11 +410,7 @@ def _check_together(config: Config) -> None:
             f"certainty.free_from: must be at most certainty.most = {config.certainty.most}, "
             f"is {config.certainty.free_from}"
         )
-    if config.record.path and not config.record.path.endswith(("/", ".mcap")):
-        raise ConfigError(
-            'record.path: must be a folder that ends with "/", or a file that ends with ".mcap", '
-            f"is {config.record.path!r}"
-        )
+    _check_paths(config)
     for key, ports in (("planner", config.planner.ports), ("modbus", config.modbus.ports)):
         if len(set(ports)) < len(ports):
             raise ConfigError(f"{key}.port: each port may be given once, is {ports}")

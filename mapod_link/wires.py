@@ -253,12 +253,15 @@ def wire_from_url(url: str) -> Wire:
         ValueError: not such a URL.
         OSError: the port is taken, or there is no such line.
     """
-    parts = urlsplit(url)
-    if parts.scheme in ("udp", "tcp") and parts.hostname and parts.port is not None:
-        return (UdpWire if parts.scheme == "udp" else TcpWire)(parts.hostname, parts.port)
+    must_be = "must be udp://host:port, tcp://host:port or serial:///path?baud=115200"
+    try:
+        parts = urlsplit(url)
+        port, [baud] = parts.port, parse_qs(parts.query).get("baud", ["115200"])
+        baud_given = int(baud)
+    except ValueError:  # also a port beyond 65535, or two rates
+        raise ValueError(f"{url}: {must_be}") from None
+    if parts.scheme in ("udp", "tcp") and parts.hostname and port is not None:
+        return (UdpWire if parts.scheme == "udp" else TcpWire)(parts.hostname, port)
     if parts.scheme == "serial" and parts.path:
-        [baud] = parse_qs(parts.query).get("baud", ["115200"])
-        return SerialWire(parts.path, int(baud))
-    raise ValueError(
-        f"{url}: must be udp://host:port, tcp://host:port or serial:///path?baud=115200"
-    )
+        return SerialWire(parts.path, baud_given)
+    raise ValueError(f"{url}: {must_be}")

@@ -1,5 +1,6 @@
 """The documents are true: files, targets, settings and commands that they name exist."""
 
+import importlib
 import re
 
 from config_file import load_config
@@ -54,3 +55,24 @@ def test_no_file_names_a_path_of_some_machine() -> None:
         if path.is_file() and path.name != "test_docs.py":
             text = path.read_text(encoding="utf-8", errors="replace")
             assert not re.search(r"(?<![\w/])/(?:home|root|work)/\w", text), path
+
+
+def test_tests_that_the_documents_name_exist() -> None:
+    named = [
+        place
+        for text in WRITTEN.values()
+        for place in re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text)
+    ]
+    assert len(named) > 20
+    for file, name in named:
+        assert f"\ndef {name}(" in (ROOT / file).read_text(encoding="utf-8"), f"{file}::{name}"
+
+
+def test_the_constants_of_safe_states_are_those_of_the_code() -> None:
+    rows = re.findall(
+        r"^\| `(\w+)` \| `([\w/]+)\.py` \| ([\d.]+) \|", WRITTEN["docs/safety.md"], re.M
+    )
+    assert len(rows) > 20
+    for name, file, value in rows:
+        module = importlib.import_module(file.replace("/", "."))
+        assert getattr(module, name) == float(value), name

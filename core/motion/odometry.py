@@ -98,8 +98,7 @@ class Odometry:
         self._replaced = False  # since the last counts, a positioning system told the place
         self._start_m, self._start_yaw_rad, self._start_travel_m = np.zeros(3), 0.0, 0.0
         self.yaw_start_rad = 0.0  # of the body in the earth frame where the map's x axis points
-        self.v_mps = 0.0
-        self.w_radps = 0.0  # from the wheels
+        self.v_mps = self.w_radps = 0.0  # both from the wheels
         self.breaks = 0
         self.broken_by = ""  # why it broke last, in words
         self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
@@ -238,7 +237,9 @@ class Odometry:
         self._attitudes.orientation.note_wheels(
             last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
         )
-        self.wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad))
+        if self.wheels.take(Turn(dt_s, travel_m, wheels_rad, gyro_rad)):
+            self._break(counts.t_s, "the wheels turned and the gyro did not")
+            return
         if self._on_rail and not self._holds_course(middle_rad, turned_rad):
             self._break(counts.t_s, "the robot has turned, which no straight rail lets it")
             return
@@ -387,7 +388,7 @@ class Odometry:
 
     def maybe_pose(self, at_s: float) -> Pose | None:
         """The newest knowable pose: position at `at_s`, attitude the newest there is before it."""
-        if not self._attitudes.count or not self.covers(at_s, at_s):
+        if self.wheels.ignored or not (self._attitudes.count and self.covers(at_s, at_s)):
             return None
         x_m, y_m, _, _ = self.place_at(at_s)
         roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()

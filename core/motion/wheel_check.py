@@ -4,6 +4,9 @@ Where the wheels turn the body otherwise than the gyro says, a wheel slips: then
 believed, and their travel only with a wide error. Both wheels slipping alike turn nothing and are
 not seen here, unless they gain speed faster than any floor lets a robot: what a loaded or worn
 wheel does steadily is the scale that only a positioning system can tell.
+
+Where the wheels turn on and the gyro sees nothing of it, either it is stuck or the robot is: nobody
+knows where the body points, until the gyro is seen to turn.
 """
 
 import math
@@ -20,6 +23,8 @@ LONG_S = 1.0  # and the bias in those
 SLIP_RAD = 0.02  # a turn by the wheels in a short window that the gyro did not see,
 SLIP_TURN = 0.08  # beyond this share of the turn: track width, and turning on broad tyres
 SLIP_TRAVEL = 0.02  # and this share of the travel over the track: unequal wheels
+IGNORED_RAD = 1.0  # turned by the wheels, of which the gyro saw not even
+SEEN_SHARE = 0.2  # this share: the heading is not known
 GONE_S = 0.5  # so long without a sign, and the slip is over
 GRIP_MPS2 = 6.0  # faster no floor moves a robot
 GRIP_MPS = 0.1  # and this much is the rounding of two readings
@@ -70,6 +75,8 @@ class WheelCheck:
         self._clear_s = math.inf  # since the last sign of slip
         self.slips = 0  # how often it began
         self.unexplained_rad = 0.0  # of the newest short window
+        self._ignored_rad = 0.0  # turned by the wheels since the gyro was seen to turn
+        self.ignored = False  # that became too much
 
     @property
     def slipping(self) -> bool:
@@ -82,8 +89,13 @@ class WheelCheck:
         self._long = Sums()
         self._speed_mps = math.nan
 
-    def take(self, turn: Turn) -> None:
-        """The next interval; a gyro turn of NaN: none was delivered."""
+    def take(self, turn: Turn) -> bool:
+        """The next interval; a gyro turn of NaN: none was delivered.
+
+        Returns:
+            Whether it has just become unknown where the body points, or known again.
+        """
+        was_ignored = self.ignored
         speed_mps = turn.travel_m / turn.dt_s
         leapt = abs(speed_mps - self._speed_mps) > GRIP_MPS2 * turn.dt_s + GRIP_MPS
         self._speed_mps = speed_mps
@@ -101,6 +113,7 @@ class WheelCheck:
         elif self._long.dt_s >= LONG_S:
             self._learn()
             self._long = Sums()
+        return self.ignored != was_ignored
 
     def _judge(self, dt_s: float, leapt: bool) -> None:
         short = Sums()
@@ -116,7 +129,13 @@ class WheelCheck:
             + SLIP_TRAVEL * short.driven_m / self._track_width_m
         )
         self.unexplained_rad = short.wheels_rad - turned_rad
-        if leapt or abs(self.unexplained_rad) > allowed_rad:
+        is_unexplained = abs(self.unexplained_rad) > allowed_rad
+        if abs(turned_rad) > max(SLIP_RAD + bias_rad, SEEN_SHARE * abs(short.wheels_rad)):
+            self._ignored_rad, self.ignored = 0.0, False
+        elif is_unexplained:
+            self._ignored_rad += self._short[-1].wheels_rad
+            self.ignored |= abs(self._ignored_rad) >= IGNORED_RAD
+        if leapt or is_unexplained:
             self.slips += not self.slipping
             self._clear_s = 0.0
         else:

@@ -9,6 +9,7 @@ Source: NumPy Enhancement Proposal 1 (.npy format); PKWARE APPNOTE 6.3, section 
 import hashlib
 import io
 import math
+import tokenize
 import zipfile
 from typing import Any
 
@@ -23,6 +24,8 @@ COMMENT_BYTES = len(MARK) + 2 * hashlib.sha256().digest_size
 SUFFIX = ".npy"
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the zip format's first instant: no clock is read
 MAX_DIMENSIONS = 4
+# what zipfile and numpy raise on bytes that are none of theirs
+BROKEN = zipfile.BadZipFile, ValueError, TypeError, RuntimeError, EOFError, tokenize.TokenError
 
 
 class StateError(Exception):
@@ -59,7 +62,7 @@ def arrays_from_bytes(data: bytes) -> Arrays:
                 member.filename.removesuffix(SUFFIX): _array_from(archive.read(member))
                 for member in members
             }
-    except (zipfile.BadZipFile, ValueError, RuntimeError, EOFError) as error:
+    except BROKEN as error:
         raise StateError(f"it can't be read: {error}") from None
 
 

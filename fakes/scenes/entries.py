@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from fakes.scenes.kinds import check_kinds
 from fakes.scenes.movers import box, person
 from fakes.scenes.scatter import check_scatter
 from fakes.scenes.solids import Material, Pillar, Slope, Solid, bump, ramp, span_from
@@ -40,11 +41,12 @@ def _keys(kind: str) -> set[str]:
 
 
 def check_keys(table: dict[str, Any], file: str) -> None:
-    """Whether a file holds only keys that there are.
+    """Whether a file holds only keys that there are, with values of their kinds.
 
     Raises:
-        ValueError: it names another; the text says which.
+        ValueError: it does not; the text says where.
     """
+    check_kinds(table, file, LISTS)
     entries = [("scene", table, SCENE)]
     entries += [(kind, table.get(kind, {}), known) for kind, known in SINGLE.items()]
     entries += [("upsets", table.get("upsets", {}), _keys("upsets") - {"chance"})]

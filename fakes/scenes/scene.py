@@ -154,8 +154,13 @@ def load_scene(name: str | Path, seed: int = 1) -> Scene:
     if not path.exists():
         names = ", ".join(sorted(known.stem for known in SCENES.glob("*.toml")))
         raise FileNotFoundError(f"no scene '{name}': neither a file nor one of {names}")
-    table = tomllib.loads(path.read_text(encoding="utf-8"))
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except RecursionError:
+        raise ValueError(f"{path.name}: lists or tables are nested too deeply") from None
     check_keys(table, path.name)
+    if "x_axis_east_of_north_deg" not in table:
+        raise ValueError(f"{path.name}: x_axis_east_of_north_deg is missing")
     wrong = ["no place for what it scatters"]
     for attempt in range(ATTEMPTS if has_chance(table) else 1):
         scene = _scene_from(path.stem, table, seed, attempt)

@@ -256,8 +256,10 @@ def span_from(pair: list[float]) -> Span:
     """[from, to] of a scene's file.
 
     Raises:
-        ValueError: it ends before it begins.
+        ValueError: it is no such pair, or ends before it begins.
     """
+    if not isinstance(pair, list) or len(pair) != 2:
+        raise ValueError(f"must be [from, to], is {pair!r}")
     low, high = float(pair[0]), float(pair[1])
     if not low < high:
         raise ValueError(f"must be [from, to] with from < to, is {pair}")

@@ -8,7 +8,6 @@ again when this is done.
 import struct
 from collections.abc import Callable, Iterator
 
-from core.config import ConfigError
 from hw.mti.frames import (
     BAUD_CODES,
     Mid,
@@ -20,7 +19,7 @@ from hw.mti.frames import (
 )
 from hw.ports.url import parse_url
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
-from tools.cli.options import Parser, parser_of
+from tools.cli.options import Parser, parser_of, value_of, whole_in
 
 DEFAULT_BAUD = 115_200
 CONFIG_S, CONFIG_TRIES = 0.25, 20  # acknowledgements get lost among the data in the pipe
@@ -138,8 +137,6 @@ def self_test(talk: Conversation) -> list[str]:
 
 
 def keep_still(talk: Conversation, seconds: int) -> list[str]:
-    if not 0 <= seconds <= 0xFFFF:
-        raise ConfigError(f"seconds: must be within 0..65535, is {seconds}")
     to_measurement(talk)
     answer(talk, Mid.SetNoRotation, struct.pack(">H", seconds))
     return [f"keep it still for {seconds} s: it learns the bias of its gyroscopes"]
@@ -151,19 +148,23 @@ def set_baud(talk: Conversation, baud: int) -> list[str]:
     return [f"{baud} baud from its next power-up on: set it in mapod.toml then"]
 
 
+def a_baud(text: str) -> int:
+    return value_of(text, int, BAUD_CODES.__contains__, f"one of {sorted(BAUD_CODES)}")
+
+
 def parser() -> Parser:
     words = parser_of("attitude", __doc__, "mapod attitude info", "mapod attitude scenario 3")
     action = words.add_actions("'serial:///dev/ttyUSB0?baud=115200'")
     action("info", "who it is and how it is set")
     action("scenarios", "the filter profiles it offers")
-    action("scenario", "choose one").add_argument("kind", type=int)
+    action("scenario", "choose one").add_argument("kind", type=whole_in(0, 0xFFFF))
     for name in RESETS:
         reset = action(name, "while it measures")
         reset.add_argument("--keep", action="store_true", help="over a loss of power, too")
     action("self-test", "of each sensor axis")
-    action("still", "learn the gyroscopes' bias").add_argument("seconds", type=int)
+    action("still", "learn the gyroscopes' bias").add_argument("seconds", type=whole_in(0, 0xFFFF))
     baud = action("baud", "from its next power-up on")
-    baud.add_argument("baud", type=int, choices=sorted(BAUD_CODES))
+    baud.add_argument("baud", type=a_baud)
     return words
 
 

@@ -29,7 +29,7 @@ from tools.calibration.mount import (
 )
 from tools.calibration.noted import with_note
 from tools.cli import calibrate_camera, calibrate_range, calibrate_stripe
-from tools.cli.options import fail, number_in, parser_of
+from tools.cli.options import fail, number_in, parser_of, settings_text
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
 
@@ -196,7 +196,7 @@ def main(given: list[str] | None = None) -> int:
         return other(given[1:])
     options = arguments(given)
     try:
-        text = options.config.read_bytes().decode("utf-8")
+        text = settings_text(options.config)
         config = load_config(text)
         check_height(options.height, config)
         with advancing("calibrate", options.seconds) as advance:

@@ -29,7 +29,14 @@ from tools.calibration.collect_ranges import Person, Plan, Vouched, collect
 from tools.calibration.noted import with_ranges_note
 from tools.calibration.range_readings import ReadingsError, targets_in
 from tools.calibration.ranges import TERMS, NoFitError, RangeFit, Target, fit, rms_of, terms_for
-from tools.cli.options import Parser, fail, number_in, parser_of, value_of
+from tools.cli.options import (
+    Parser,
+    fail,
+    number_in,
+    parser_of,
+    settings_text,
+    value_of,
+)
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
 
@@ -200,7 +207,7 @@ def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused, 2 wrong use."""
     options = arguments(given)
     try:
-        text = options.config.read_bytes().decode("utf-8")
+        text = settings_text(options.config)
         config = load_config(text)
         check_driver(config)
         readings = options.readings

@@ -17,7 +17,7 @@ from config_file import load_config
 from core.config import ConfigError
 from hw.stripe.options import StripeOptions
 from tools.calibration.stripe import PicturesError, PlaneFit, boards_in, fit
-from tools.cli.options import fail, number_in, parser_of
+from tools.cli.options import fail, number_in, parser_of, settings_text
 from tools.settings import NotThereError, rewrite, with_values
 
 NAME = "calibrate stripe"
@@ -80,7 +80,7 @@ def main(given: list[str] | None = None) -> int:
     parser.add_argument("--write", action="store_true", help="put the values into the settings")
     options = parser.parse_args(given)
     try:
-        text = options.config.read_bytes().decode()
+        text = settings_text(options.config)
         scanner = load_config(text).scanner
         if not isinstance(scanner.options, StripeOptions):
             return fail(NAME, f"scanner.driver: must be 'stripe', is {scanner.driver!r}")

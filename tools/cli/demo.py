@@ -17,6 +17,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from config_file import with_changes
 from core.config import Config, ConfigError
 from mapod_link.wires import UdpWire
 from tools.cli.options import (
@@ -129,6 +130,17 @@ def is_free(port: int) -> bool:
     return True
 
 
+def check_given(options: argparse.Namespace, config: Config) -> None:
+    """Before anything starts. Raises ConfigError, OSError, KeyError, ValueError."""
+    from fakes.scenes.scene import load_scene  # where there is a simulation
+
+    load_scene(options.scene, options.seed)
+    if options.record:
+        with_changes(config, record={"path": recorded_to(options.record)})
+    if options.out is not None and not options.out.is_dir() and options.out.exists():
+        raise ValueError(f"--out: must be a folder, {str(options.out)!r} is a file")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 ended as it was told to, 1 something failed, 2 wrong use."""
     parser = parser_of("demo", __doc__, "mapod demo --scene office --seed 3 --seconds 60")
@@ -156,4 +168,8 @@ def main(arguments: list[str] | None = None) -> int:
         return fail(
             "demo", f"--drive: mapod drives nothing with motion.source = {config.motion.source!r}"
         )
+    try:
+        check_given(options, config)
+    except (ConfigError, OSError, KeyError, ValueError) as error:
+        return fail("demo", error)
     return run(options, world_words(options, config), APP, Console())

@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from tools.cli.options import ROOT, fail, number_in, parser_of
+from tools.cli.options import ROOT, fail, number_in, parser_of, whole_in
 from tools.flash.bundle import make, manifest_of, tell
 from tools.flash.remote import Machine, RemoteError, Robot
 from tools.flash.wheels import BundleError, Target
@@ -51,7 +51,7 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     add("--service", choices=("mapod", "none"), help="restart it; none: start nothing")
     add("--health-seconds", type=number_in(1, 600), help="for the app to be well (default: 30)")
     add("--again", action="store_true", help="also a version that runs already")
-    add("--ssh-port", type=int, metavar="N", help="of ssh")
+    add("--ssh-port", type=whole_in(1, 65_535), metavar="N", help="of ssh")
     add("--identity", type=Path, metavar="FILE", help="of ssh")
     add("--ssh-option", action="append", default=[], metavar="KEY=VALUE", help="of ssh, as its -o")
     return parser.parse_args(given)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from config_file import read_key
 from core.config import ConfigError
 from hw.ports.wires import PortUrlError
-from tools.cli.options import a_seed, fail, parser_of
+from tools.cli.options import a_seed, fail, number_in, parser_of, whole_in
 from tools.conformance.exam import Exam
 from tools.conformance.over_port import TCP_BAUD, NotOpenError, OverPort
 from tools.conformance.suite import CHECKS, CONTACT_S, Verdict, chosen, meet, run
@@ -61,10 +61,15 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_key()
     parser.add_seconds(f"about; {SECONDS:g}", SECONDS)
     add("--only", default="", help=f"numbers of section 14, of {numbers}")
-    add("--gap-ms", type=float, default=0.5, help="between two datagrams of a burst (0.5)")
+    add(
+        "--gap-ms",
+        type=number_in(0, 1000),
+        default=0.5,
+        help="between two datagrams of a burst (0.5)",
+    )
     add(
         "--baud",
-        type=int,
+        type=whole_in(300, 100_000_000),
         default=TCP_BAUD,
         help=f"of the line behind a tcp port, which is fed no faster ({TCP_BAUD})",
     )

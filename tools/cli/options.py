@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn, TypeVar
 
-from config_file import load_config
+from config_file import load_config, read_settings
 from core.config import Config, ConfigError
 
 ROOT = Path(__file__).resolve().parents[2]  # of the sources; of the package where it is installed
@@ -99,6 +99,14 @@ def number_in(low: float, high: float) -> Callable[[str], float]:
     return number
 
 
+def whole_in(low: int, high: int) -> Callable[[str], int]:
+    def number(text: str) -> int:
+        allowed = f"a whole number from {low} to {high}"
+        return value_of(text, int, lambda value: low <= value <= high, allowed)
+
+    return number
+
+
 def a_span(text: str) -> float:
     return value_of(text, float, lambda value: 0.0 < value < math.inf, "above 0")
 
@@ -110,11 +118,9 @@ def a_seed(text: str) -> int:
 def settings_text(path: Path) -> str:
     """A settings file's text. Raises ConfigError: what is wrong with it, with its name."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_settings(path)
         load_config(text)
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}; mapod init writes one") from None
-    except (ConfigError, UnicodeDecodeError) as error:
+    except ConfigError as error:
         raise ConfigError(f"{path}: {error}") from None
     return text
 

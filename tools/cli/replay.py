@@ -26,9 +26,11 @@ from tools.cli.options import (
     configured,
     fail,
     lacks_simulation,
+    number_in,
     parser_of,
     settings_text,
     value_of,
+    whole_in,
 )
 from tools.replay.capture import MARKS, CaptureError
 from tools.replay.changes import changed
@@ -190,9 +192,13 @@ def parser() -> Parser:
     add("--picture", type=Path, metavar="FILE.png", help="the map as a picture, at the end")
     add("--at", metavar="TIME", help="the moment of --picture")
     add("--video", type=Path, metavar="FILE.mp4", help="a film of the drive, at --speed")
-    add("--stream", type=int, help="of a capture with several: number as in tcp.stream")
-    add("--scan-rate-hz", type=int, default=50, help="of a scanner's bytes (50)")
-    add("--step-deg", type=float, default=0.5, help="of a scanner's bytes (0.5)")
+    add(
+        "--stream",
+        type=whole_in(0, 1_000_000),
+        help="of a capture with several: number as in tcp.stream",
+    )
+    add("--scan-rate-hz", type=whole_in(1, 1000), default=50, help="of a scanner's bytes (50)")
+    add("--step-deg", type=number_in(0.01, 10), default=0.5, help="of a scanner's bytes (0.5)")
     own.add_out("a file for the outcome, as tests compare it")
     return own
 

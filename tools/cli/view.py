@@ -21,7 +21,7 @@ from config_file import read_key
 from core.config import ConfigError
 from mapod_link.bodies import ZONE_STALE_S, StopZone
 from mapod_link.wires import wire_from_url
-from tools.cli.options import fail, parser_of
+from tools.cli.options import fail, number_in, parser_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
 from tools.terminal.processes import Stop
 from tools.terminal.screen import (
@@ -170,8 +170,8 @@ def options_of(arguments: list[str] | None) -> argparse.Namespace:
     add("--config", type=Path, help=about)
     add("--terminal", action="store_true", help="a picture in this terminal, no page")
     add("--drive", action="store_true", help=f"{terminal}: drive the robot with the keyboard")
-    add("--speed", type=float, help=f"at most so many m/s ({terminal}: 0.3)")
-    add("--turn", type=float, help=f"at most so many rad/s ({terminal}: 0.5)")
+    add("--speed", type=number_in(0.01, 20), help=f"at most so many m/s ({terminal}: 0.3)")
+    add("--turn", type=number_in(0.01, 20), help=f"at most so many rad/s ({terminal}: 0.5)")
     add("--foxglove", action="store_true", help="no page: serve Foxglove or Lichtblick")
     add("--foxglove-port", type=a_port, default=8765, help="on this machine (8765)")
     options = parser.parse_args(arguments)
@@ -195,8 +195,8 @@ def an_address(text: str) -> tuple[str, int]:
 
 def in_terminal(options: argparse.Namespace) -> int:
     try:
-        wire = wire_from_url(options.port)
         key = read_key(options.key_file)
+        wire = wire_from_url(options.port)
     except (ConfigError, OSError, ValueError) as error:
         return fail("view", error)
     with contextlib.closing(wire), Stop().on_signals() as stop:

@@ -146,3 +146,26 @@ def test_a_slip_begins_once_ends_a_while_after_and_teaches_nothing() -> None:
     assert value[BIAS_Z] == 0.0
     turns(check, 3, v=0.5, wheels=1.0, gyro=math.nan)  # nobody knows
     assert (check.slipping, check.slips) == (False, 1)
+
+
+def test_wheels_that_turn_unseen_by_the_gyro_are_told_until_the_gyro_turns() -> None:
+    check = WheelCheck(ErrorState(), TRACK_M, M_PER_COUNT)
+
+    def turn(wheels_rad: float, gyro_rad: float, times: int) -> None:
+        for _ in range(times):
+            check.take(Turn(0.05, 0.0, wheels_rad, gyro_rad))
+
+    turn(0.05, 0.05, 40)  # as it should be
+    turn(0.05, 0.0125, 40)  # a slip, of which a part is seen
+    assert not check.ignored
+    turn(0.05, 0.0, 14)
+    turn(0.0, 0.0, 100)  # letting go is not enough
+    assert not check.ignored
+    turn(0.05, 0.0, 14)
+    assert check.ignored
+    turn(0.0, 0.0, 100)
+    check.restart()
+    turn(-0.05, 0.0, 4)
+    assert check.ignored
+    turn(0.0, 0.05, 8)  # somebody turns the robot
+    assert not check.ignored

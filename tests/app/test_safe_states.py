@@ -1,0 +1,112 @@
+"""Whatever an input does while the robot drives, link and motors are safe within the times told.
+
+The times follow from the constants that docs/safety.md cites. Simulated time alone.
+"""
+
+import re
+
+import numpy as np
+import pytest
+
+from app import LOOK_S
+from core.driving import health
+from core.driving.control import ORDER_S
+from core.driving.health import AHRS_STALE_S, WHEELS_STALE_S, stale_s
+from core.motion.wheel_check import IGNORED_RAD
+from tests import ROOT
+from tests.app.test_drive import Commander, driving
+from tests.support.cases import few
+
+ROOMS = "core", "hw", "recording"
+STEP_S = 0.005  # of the loop here
+TICK_S = 1.25 * 0.02  # of the link as shipped, held back for a scan
+SCANS_STALE_S = stale_s(0.04)
+REPAIR_S = 0.5  # until a window of 101 cells has been told anew
+
+ROWS = [  # what, and what happens to it; the bit that goes, and after which age
+    ("scanner", "frozen", health.SCANNER_OK, SCANS_STALE_S),
+    ("ahrs", "frozen", health.AHRS_OK, AHRS_STALE_S),
+    ("drive", "mute", health.WHEELS_OK, WHEELS_STALE_S),
+    ("scanner", "mute", health.SCANNER_OK, SCANS_STALE_S),
+    ("ahrs", "mute", health.AHRS_OK, AHRS_STALE_S),
+    ("ahrs", "nan", health.AHRS_OK, AHRS_STALE_S),
+]
+
+
+def free_cells(commander: Commander) -> int:
+    return int((commander.loop.planner.window() == 1).sum())
+
+
+@pytest.mark.parametrize(("name", "fault", "bit", "stale_after_s"), few(ROWS, 3))
+def test_an_input_that_stops_or_repeats_itself_is_told_and_stops_the_wheels_in_time(
+    name: str, fault: str, bit: int, stale_after_s: float
+) -> None:
+    commander = driving()
+    begun_s, told_s, powered_s = commander.loop.now_s, None, 0.0
+    assert commander.health & bit
+    setattr(getattr(commander.loop.rig, name), fault, True)
+    while commander.loop.now_s - begun_s < 1.2:
+        commander.run(STEP_S)
+        passed_s = commander.loop.now_s - begun_s
+        if told_s is None and not commander.health & bit:
+            told_s = passed_s
+            assert not commander.health & health.MAP_VALID
+        if commander.loop.rig.drive.powers() != (0, 0):
+            powered_s = passed_s
+    assert told_s is not None
+    assert told_s <= stale_after_s + TICK_S + STEP_S
+    assert powered_s <= stale_after_s + LOOK_S + ORDER_S + STEP_S
+    assert free_cells(commander) == 0
+    assert stale_after_s + REPAIR_S < 1.2
+
+
+def test_a_controller_that_starts_again_ends_the_map_and_nothing_moves_by_itself() -> None:
+    commander = driving(start_clear_m=12.0)
+    commander.loop.rig.drive.reset(commander.loop.now_s)
+    commander.run(ORDER_S + LOOK_S)
+    commander.powers = set()
+    commander.run(2.5)  # while the commander goes on asking
+    assert not commander.has_moved
+    assert commander.loop.app.mapper.counts.erased > 0
+    assert not commander.loop.app.pilot.start_assumed_clear
+
+
+def test_an_attitude_whose_gyro_contradicts_its_angles_is_counted_and_the_angles_are_told() -> None:
+    """It does not stop the robot: nobody knows which of both is right."""
+    commander = driving()
+    commander.loop.rig.ahrs.rate_bias_radps = np.array([0.0, 0.35, 0.0])
+    commander.asks = None
+    commander.run(1.5)
+    attitudes = commander.loop.app.mapper.attitudes
+    roll_rad, pitch_rad, _ = attitudes.newest_rpy()
+    assert abs(pitch_rad) < 0.06
+    assert abs(roll_rad) < 0.06
+    assert attitudes.orientation.doubted > 0
+
+
+def test_an_attitude_that_stands_still_while_the_wheels_turn_is_not_believed_for_long() -> None:
+    """Samples come, counted and noisy, and tell one and the same attitude."""
+    commander = driving()
+    commander.drive(0.0, 0.5, 1.5)
+    sensor, now_s = commander.loop.rig.ahrs.sensor, commander.loop.now_s
+    stuck = sensor._motion_at(now_s)
+    stuck = (stuck[0], np.zeros(3), stuck[2])
+    sensor._motion_at = lambda t_s: stuck
+    begun_rad = commander.place[2]
+    commander.run(4.0)
+    assert commander.place[2] - begun_rad < IGNORED_RAD + 0.3  # and until it stands
+    assert commander.loop.rig.drive.powers() == (0, 0)
+    assert commander.blocked_by == "the pose is not known"
+    assert not commander.health & health.POSE_VALID
+    assert free_cells(commander) == 0
+
+
+def test_the_wall_clock_is_read_for_what_people_read_alone() -> None:
+    """Names of files, stamps of log and recording, and of what Modbus clients show."""
+    rooms = [
+        *ROOT.glob("*.py"),
+        *(path for room in ROOMS for path in (ROOT / room).glob("**/*.py")),
+    ]
+    reads = re.compile(r"\btime\.(?:time|time_ns)\b|\bdatetime\.(?:now|today|utcnow)\b")
+    readers = {path.name for path in rooms if reads.search(path.read_text(encoding="utf-8"))}
+    assert readers == {"wiring.py", "recorder.py", "logs.py", "flight.py"}

@@ -149,7 +149,7 @@ class CertaintyMaps:
         look, kept = Look(none, math.nan), self._room[:0]
         scans.keep_all(none, kept)
         scans.keep_supported(none, look, look, self._settings.three_scans_m, kept)
-        scans.drop_small_groups(none, self._settings.group_gap_m, self._settings.min_group)
+        scans.drop_small_groups(none, none, self._settings.group_gap_m, self._settings.min_group)
         self.window.put(nowhere.astype(np.int32), np.zeros(0, dtype=np.int8))
         self._map(np.zeros((0, 3)), none, kept, 0.0)
         self._decide(nowhere.astype(np.int32))
@@ -187,9 +187,11 @@ class CertaintyMaps:
         self._yaw_rad = rpy_rad[2]
         newest.turn_rad = self._turned_rad * self._R_body_sensor[2, 2]
         ranges_m, points = newest.ranges_m[:n], newest.points[:n]
-        scans.take(np.ascontiguousarray(rays.ranges_m[0]), ranges_m)
+        given_m = np.ascontiguousarray(rays.ranges_m[0])
+        scans.take(given_m, ranges_m)
         if settings.min_group > 1:
-            scans.drop_small_groups(ranges_m, settings.group_gap_m, settings.min_group)
+            gap_m, least = settings.group_gap_m, settings.min_group
+            scans.drop_small_groups(given_m, ranges_m, gap_m, least)
         np.multiply(rays.rays, ranges_m[:, None], out=points)
         points += rays.origins
         roll, pitch, yaw = rpy_rad

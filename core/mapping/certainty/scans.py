@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 from core.mapping.rays import MIN_RANGE_M
+from core.mapping.shadows import NOTHING_M
 from core.records import F64, U8
 from jit import kernel
 
@@ -29,15 +30,18 @@ def take(given_m: F64, ranges_m: F64) -> None:
 
 
 @kernel
-def drop_small_groups(ranges_m: F64, gap_m: float, least: int) -> None:
+def drop_small_groups(given_m: F64, ranges_m: F64, gap_m: float, least: int) -> None:
     """Range clustering: neighbours whose ranges differ by more than a gap are of two groups.
 
-    A group of fewer readings than `least` goes. A beam that met nothing ends a group.
+    A group of fewer readings than `least` goes. A beam that met nothing ends a group; one that the
+    shadow filter took out (`NOTHING_M` in `given_m`) does not, and counts: it hides what was there.
     """
     first = 0
     for k in range(1, ranges_m.size + 1):
-        if k < ranges_m.size and abs(ranges_m[k] - ranges_m[k - 1]) <= gap_m:
-            continue
+        if k < ranges_m.size:
+            is_hidden = given_m[k] == NOTHING_M or given_m[k - 1] == NOTHING_M
+            if is_hidden or abs(ranges_m[k] - ranges_m[k - 1]) <= gap_m:
+                continue
         if k - first < least:
             ranges_m[first:k] = math.nan
         first = k

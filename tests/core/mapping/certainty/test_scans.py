@@ -12,6 +12,7 @@ from core.mapping.certainty.scans import (
     keep_supported,
     take,
 )
+from core.mapping.shadows import NOTHING_M
 from tests.support.cases import examples
 from tests.support.slow_certainty import groups_left, supported
 
@@ -23,8 +24,18 @@ RANGES = st.lists(st.one_of(st.sampled_from([1.0, 1.05, 1.3, 3.0]), st.just(math
 @given(ranges=RANGES, least=st.integers(1, 5))
 def test_small_groups_go(ranges: list[float], least: int) -> None:
     left = np.array(ranges)
-    drop_small_groups(left, 0.1, least)
+    drop_small_groups(np.array(ranges), left, 0.1, least)
     np.testing.assert_array_equal(left, groups_left(ranges, 0.1, least))
+
+
+def test_a_thin_thing_stays_whose_neighbours_the_shadow_filter_took_out() -> None:
+    post = [3.0] * 4 + [math.nan, 1.0, math.nan] + [3.0] * 4
+    for between, is_left in ((math.nan, False), (NOTHING_M, True)):
+        given_m = np.array([between if math.isnan(r) else r for r in post])
+        left = np.array(post)
+        drop_small_groups(given_m, left, 0.1, 3)
+        assert (left[5] == 1.0) == is_left
+        assert (left[[0, 10]] == 3.0).all()
 
 
 @settings(max_examples=examples(100), deadline=None)

@@ -21,7 +21,7 @@ METHODS = {
 }
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
-# what is off, or another driver's, as shipped; objects and paths are warmed by whoever takes them up
+# off, or another driver's, as shipped; whoever takes up objects and paths warms them
 ELSEWHERE = "hw.modbus", "hw.stripe", "hw.visionary", "core.objects", "core.paths"
 COLD = """
 import json, sys

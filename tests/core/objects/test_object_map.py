@@ -222,3 +222,14 @@ def test_few_fields_are_kept_and_the_rest_goes_on_from_its_outline() -> None:
     first, second = outlines(objects)
     assert corner_errors(world.things[0].outline[[0, 3]], first).max() < 0.03
     assert corner_errors(world.things[1].outline[[1, 2]], second).max() < 0.03
+
+
+def test_a_piece_of_a_wall_goes_when_the_wall_is_known_and_what_stands_before_it_stays() -> None:
+    piece, before = box(3.05, 0.0, 0.1, 0.6), box(2.9, -0.9, 0.2, 0.2)  # flush with the wall
+    world, objects = World([piece, before], noise=NOISE), ObjectMap(SETTINGS)
+    watch(world, objects, 40)
+    assert len(outlines(objects)) == 2
+    world.things, world.walls = [before], np.array([[3.0, -1.5, 3.0, 1.5]])
+    watch(world, objects, SEEN_S)
+    [still] = objects.objects()
+    assert overlap(still.polygon, before.outline) > 0.4  # half of it was seen

@@ -234,7 +234,7 @@ class ObjectMap:
         part.frames, part.seen_s, part.rate = one.frames, one.seen_s, one.rate
         self._objects[part.id] = part
         field = one.awake()
-        field.forget(pieces_of(outline, 1.0))
+        field.give_away(pieces_of(outline, 1.0))
         self._told(part)
 
     def _merge(self, now: PreparedFrame, mine: dict[int, list[int]]) -> None:

@@ -194,11 +194,15 @@ class DistanceField:
         self.vote(pieces, NONE, NONE, (0.0, 0.0))
         self.weight[self.weight > 0.0] = self._s.memory_frames
 
-    def forget(self, pieces: Floats) -> None:
-        """Nothing is known any more within a closed line of pieces (k, 5)."""
+    def give_away(self, pieces: Floats) -> None:
+        """What lies within a closed line of pieces (k, 5) is another object's from now on.
+
+        It is known not to be of this one: what is unknown between its parts would be filled.
+        """
         around = np.zeros(self.mean.shape, dtype=np.int8)
         _wind(pieces, self.place[0], self.place[1], self._s.cell_m, around)
-        self.weight[around > 0] = 0.0
+        self.weight[around > 0] = self._s.confirm_frames
+        self.mean[around > 0] = self._s.band_m
 
     def take(self, other: "DistanceField") -> None:
         """Take over what another field knows better; places are rounded to cells."""

@@ -187,8 +187,8 @@ class FrameSteps:
         count = voxels.thin(room.points, 0, 1, things, settings.voxel_m, room.voxels)
         view.add_things(room.voxels, count, room.fan)
         room.used[:count] = 0
-        correction = self._known(room, count, level, pose, known_walls, noise)
-        segments = self._new_walls(room, count)
+        correction, known = self._known(room, count, level, pose, known_walls, noise)
+        segments = np.vstack([known, self._new_walls(room, count)])
         found = self._clusters(room, (0, 1, things), count, noise)
         pits, last = int(room.points.found[1]), room.points.x.size - 1
         room.points.pixels[last - pits + 1 :] = 1
@@ -213,23 +213,27 @@ class FrameSteps:
     def _known(
         self, room: Room, count: int, level: Level, pose: CameraPose, known_walls: Floats,
         noise: tuple[float, float, float],
-    ) -> Correction | None:  # fmt: skip
-        """Take the voxels of known walls away, and say what they tell of the pose."""
+    ) -> tuple[Correction | None, Floats]:  # fmt: skip
+        """Take the voxels of known walls away; what they tell of the pose, and where they are.
+
+        The latter is (n, 4), level frame.
+        """
         if len(known_walls) == 0:
-            return None
+            return None, np.zeros((0, 4))
         turn = _turn(level.yaw_rad)
         ends = (np.asarray(known_walls, np.float64).reshape(-1, 2) - level.lens[:2]) @ turn
         sigmas = float(pose.sigma_xy_m), float(pose.sigma_yaw_rad)
+        walls = ends.reshape(-1, 4)
         offset, C, points = wall_lines.refound(
-            room.voxels, count, ends.reshape(-1, 4), sigmas,
-            self._settings.wall_m, noise, room.used,
-        )  # fmt: skip
+            room.voxels, count, walls, sigmas, self._settings.wall_m, noise, room.used
+        )
         if points == 0:
-            return None
+            return None, np.zeros((0, 4))
+        segments = wall_lines.stretches(room.voxels, count, walls, offset, room.used)
         whole = np.eye(3)
         whole[:2, :2] = turn
         x_m, y_m, yaw_rad = (whole @ offset).tolist()
-        return Correction(x_m, y_m, yaw_rad, whole @ C @ whole.T, points)
+        return Correction(x_m, y_m, yaw_rad, whole @ C @ whole.T, points), segments
 
     def _new_walls(self, room: Room, count: int) -> Floats:
         """Long upright planes among the voxels that are left: segments (n, 4), level frame."""

@@ -142,6 +142,9 @@ class Mapped:
         t = np.arange(cell, length - 0.5 * cell, cell)[:, None]
         points = a + t * along + cell * np.array([along[1], -along[0]])
         i, j = np.rint((points - field.place) / cell).astype(np.int64).T
+        rows, columns = field.mean.shape
+        if not ((i >= 0) & (i < columns) & (j >= 0) & (j < rows)).all():
+            return False  # a sharp corner may lie beyond all cells
         known = field.weight[j, i] >= self._s.confirm_frames
         return bool(known.all() and (field.mean[j, i] > 0.0).all())
 

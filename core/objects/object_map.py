@@ -29,6 +29,7 @@ from core.objects.seen import pieces_of
 from core.objects.wall_map import WallMap
 from core.objects.walls import WallRecord
 
+OF_WALL = 0.9  # so much of an object where a wall is taken to be: it is that wall
 COVERED = 0.5  # so much of the smaller of two objects within the other: they are one
 
 
@@ -107,7 +108,10 @@ class ObjectMap:
         correction = correction_of(self._sides(raw, near), frame.origin, self.settings)
         now = prepared(correction.frame(frame), self.settings)
         mine = self._matches(now, near, self.settings.hull_sigma_m + self.settings.cell_m)
-        self._newcomers.add(frame.at_s, self._unexplained(now, near, mine), now.sectors, now.lens)
+        lines = self.walls.lines(self._reach_of(now))
+        band = lines.buffer(3.0 * self.settings.hull_sigma_m + 2.0 * self.settings.cell_m)
+        sights = self._unexplained(now, mine, band)
+        self._newcomers.add(frame.at_s, sights, now.sectors, now.lens)
         anchor = max((self._objects[n].frames for n in mine), default=0)
         for number in near:
             self._vote(self._objects[number], now, mine)
@@ -116,6 +120,7 @@ class ObjectMap:
             self._admit(newcomer, anchor)
         self._settle(near, mine, correction)
         self._update_walls(now, correction)
+        self._absorb(near, lines, band)
         self._sleep(near)
         obstacles = self._newcomers.obstacles(frame.at_s)
         return MapUpdate(self._journal.version, correction, obstacles)
@@ -124,9 +129,13 @@ class ObjectMap:
 
     def _near(self, now: PreparedFrame) -> list[int]:
         """Ids of objects that this frame may speak of."""
+        return self._index.near(self._reach_of(now))
+
+    def _reach_of(self, now: PreparedFrame) -> Box:
+        """The box around all that a frame shows."""
         found = now.frame.detections
         points = [now.lens[None], now.frame.view, *(one.polygon for one in found)]
-        return self._index.near(box_of(np.vstack(points), self.settings.guard_m))
+        return box_of(np.vstack(points), self.settings.guard_m)
 
     def _matches(
         self, now: PreparedFrame, near: list[int], margin_m: float
@@ -152,15 +161,16 @@ class ObjectMap:
         return sides
 
     def _unexplained(
-        self, now: PreparedFrame, near: list[int], mine: dict[int, list[int]]
+        self, now: PreparedFrame, mine: dict[int, list[int]], band: shapely.Geometry
     ) -> list[Sight]:
-        """What of the detections no object of the map covers."""
+        """What of the detections no object and no wall of the map covers."""
         s, sights = self.settings, []
         margin_m = 3.0 * s.hull_sigma_m + 2.0 * s.cell_m
         touched = {k for hits in mine.values() for k in hits}
         for k, detection in enumerate(now.frame.detections):
             rest = detection.polygon
-            if k in touched:
+            is_at_wall = bool(band.intersects(now.polygons[k]))
+            if k in touched or is_at_wall:
                 known = shapely.union_all(
                     [
                         shapely.Polygon(self._objects[n].polygon)
@@ -168,9 +178,8 @@ class ObjectMap:
                         if k in hits
                     ]
                 ).buffer(margin_m)
-                rest = _largest(
-                    now.polygons[k].difference(known).buffer(-s.cell_m).buffer(s.cell_m)
-                )
+                rest = now.polygons[k].difference(known.union(band) if is_at_wall else known)
+                rest = _largest(rest.buffer(-s.cell_m).buffer(s.cell_m))
             if size_of(rest) < s.least_size_m:
                 continue
             part = detection._replace(polygon=rest)
@@ -225,7 +234,7 @@ class ObjectMap:
         part.frames, part.seen_s, part.rate = one.frames, one.seen_s, one.rate
         self._objects[part.id] = part
         field = one.awake()
-        field.forget(pieces_of(outline, 1.0))
+        field.give_away(pieces_of(outline, 1.0))
         self._told(part)
 
     def _merge(self, now: PreparedFrame, mine: dict[int, list[int]]) -> None:
@@ -294,6 +303,20 @@ class ObjectMap:
                 self._wall_told(self.walls.record(number))
             else:
                 self._journal.delete(number)
+
+    def _absorb(self, near: list[int], lines: shapely.Geometry, band: shapely.Geometry) -> None:
+        """Take away what was seen of a wall before the wall was known, and became an object.
+
+        It lies where the wall is taken to be, or its middle lies on the wall. That of a thing which
+        stands before a wall does not, unless it is as thin as that place.
+        """
+        for number in near:
+            one = self._objects.get(number)
+            if one is None or not band.intersects(outline := shapely.Polygon(one.polygon)):
+                continue
+            is_inside = outline.intersection(band).area > OF_WALL * outline.area
+            if is_inside or outline.centroid.dwithin(lines, 3.0 * self.settings.hull_sigma_m):
+                self._remove(one)
 
     # bookkeeping
 

@@ -1,7 +1,8 @@
 """What a frame has seen through, and which parts of a hull it has seen: for kernels to ask.
 
-A view is star-shaped around the lens: a point lies in it when it lies before the view's edge at
-its own bearing. So one look-up is a bisection over bearings.
+A view has one stretch of each bearing from the lens: a point lies in it when it lies behind the
+view's near edge and before its far edge. So one look-up is a bisection over bearings. Between the
+lens and the near edge nobody has seen anything: what stands there is not judged.
 """
 
 import math
@@ -12,23 +13,51 @@ from core.objects.records import Floats
 from jit import kernel
 
 NEAR = 1e-6  # m: a corner of the view so near the lens is the lens itself
+ALONG = 1e-9  # rad: a side that spans no more than that leads along a ray and bounds no bearing
 
 
 def sectors_of(view: Floats, origin: tuple[float, float]) -> Floats:
-    """The view's sides as sectors (m, 5), by bearing: start, then both ends from the lens, m.
+    """The view as sectors (m, 9), by bearing: start, then far and near edge: both ends of each.
+
+    Ends are in m from the lens, in the order in which the view has them. Where the view begins at
+    the lens, the near edge is all 0.
 
     Args:
-        view: (n, 2) m, counter-clockwise, star-shaped around `origin`, which may be a corner.
-
-    Sides that lead to the lens, and those that run backwards, see nothing.
+        view: (n, 2) m, counter-clockwise, one stretch of each bearing from `origin`, which lies
+            outside of it or is a corner.
     """
     corners = np.asarray(view, dtype=np.float64).reshape(-1, 2) - np.asarray(origin)
-    ends = np.roll(corners, -1, axis=0)
-    cross = corners[:, 0] * ends[:, 1] - corners[:, 1] * ends[:, 0]
-    far = (np.hypot(*corners.T) > NEAR) & (np.hypot(*ends.T) > NEAR) & (cross > 0.0)
-    first = np.arctan2(corners[far, 1], corners[far, 0])
-    rows = np.column_stack([first, corners[far], ends[far]])
-    return np.ascontiguousarray(rows[np.argsort(first, kind="stable")])
+    sides = np.hstack([corners, np.roll(corners, -1, axis=0)])
+    lengths = np.hypot(sides[:, 0], sides[:, 1]), np.hypot(sides[:, 2], sides[:, 3])
+    cross = sides[:, 0] * sides[:, 3] - sides[:, 1] * sides[:, 2]
+    is_edge = (np.minimum(*lengths) > NEAR) & (np.abs(cross) > ALONG * lengths[0] * lengths[1])
+    far, near = sides[is_edge & (cross > 0.0)], sides[is_edge & (cross < 0.0)]
+    if len(far) == 0:
+        return np.zeros((0, 9))
+    bearings = [np.arctan2(edge[:, k + 1], edge[:, k]) for edge in (far, near) for k in (0, 2)]
+    starts = np.unique(np.concatenate(bearings))
+    ends = np.append(starts[1:], starts[0] + 2.0 * math.pi)
+    middles = 0.5 * (starts + ends)
+    far, _ = _edge_at(middles, far)
+    near, is_there = _edge_at(middles, near[:, [2, 3, 0, 1]])
+    near = np.where(is_there[:, None], near[:, [2, 3, 0, 1]], 0.0)
+    return np.ascontiguousarray(np.column_stack([starts, far, near]))
+
+
+def _edge_at(bearings: Floats, sides: Floats) -> tuple[Floats, np.ndarray]:
+    """Of sides (k, 4) from lesser to larger bearing, the one at each bearing (n, 4); is there any?
+
+    Where there is none, another one.
+    """
+    if len(sides) == 0:
+        return np.zeros((len(bearings), 4)), np.zeros(len(bearings), dtype=bool)
+    first = np.arctan2(sides[:, 1], sides[:, 0])
+    order = np.argsort(first, kind="stable")
+    wrapped = np.remainder(bearings + math.pi, 2.0 * math.pi) - math.pi
+    at = sides[order[np.searchsorted(first[order], wrapped, side="right") - 1]]
+    x, y = np.cos(wrapped), np.sin(wrapped)
+    is_there = (at[:, 0] * y - at[:, 1] * x >= 0.0) & (x * at[:, 3] - y * at[:, 2] >= 0.0)
+    return at, is_there
 
 
 @kernel
@@ -48,6 +77,9 @@ def sees(sectors: Floats, x: float, y: float) -> bool:
     ax, ay, bx, by = sectors[k, 1], sectors[k, 2], sectors[k, 3], sectors[k, 4]
     if ax * y - ay * x < 0.0 or x * by - y * bx < 0.0:
         return False
+    if (bx - ax) * (y - ay) - (by - ay) * (x - ax) < 0.0:
+        return False
+    ax, ay, bx, by = sectors[k, 5], sectors[k, 6], sectors[k, 7], sectors[k, 8]
     return bool((bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0.0)
 
 

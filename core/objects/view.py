@@ -40,6 +40,8 @@ def _reach(row: int, fan: Fan, pitch_over_h: float, low_m: float) -> tuple[float
         at = row * fan.steps + k
         if fan.things[at] >= THING_PIXELS:
             stop = k * fan.step_m
+            if bad == 0 and far > 0.0:
+                far = max(far, stop)  # the next row of the image meets the thing
             break
         floor, missing, x = fan.floor[at], fan.missing[at], k * fan.step_m
         if floor == 0 and missing == 0:

@@ -26,6 +26,8 @@ from jit import releasing_kernel
 TRIES = 200  # lines tried for one wall
 MOST_WALLS = 6  # new ones of a frame
 GAP_M = 0.3  # longest without points, within a wall
+SHORT_M = 0.1  # shorter stretches of a known wall are not told,
+STRAIGHT_M = 1.0  # and of shorter ones no slope: noise would turn them
 ROUNDS = 4
 BINS = 256  # along a wall
 
@@ -55,7 +57,7 @@ def on_known(
         within_m: how far a wall's points lie off it.
         noise: noise_m, noise_per_m2, the lens's height.
         N, g: (3, 3) and (3,), added to.
-        used: (count,) 1 for these.
+        used: (count,) the number of its wall for each of these, from 1; 0: none.
     """
     found = 0
     for v in range(count):
@@ -67,7 +69,7 @@ def on_known(
         slack = GATE * (sigmas[0] + math.sqrt(r2) * sigmas[1])
         px = x + offset[0] - offset[2] * y
         py = y + offset[1] + offset[2] * x
-        best, nx, ny = gate + slack if is_first else gate, 0.0, 0.0
+        best, nx, ny, at = gate + slack if is_first else gate, 0.0, 0.0, 0
         for k in range(walls.shape[0]):
             ux, uy = walls[k, 2] - walls[k, 0], walls[k, 3] - walls[k, 1]
             length = math.sqrt(ux * ux + uy * uy)
@@ -77,10 +79,10 @@ def on_known(
             qx, qy = px - walls[k, 0], py - walls[k, 1]
             along, e = ux * qx + uy * qy, -uy * qx + ux * qy
             if abs(e) < abs(best) and -slack <= along <= length + slack:
-                best, nx, ny = e, -uy, ux
+                best, nx, ny, at = e, -uy, ux, k
         if nx == 0.0 and ny == 0.0:
             continue
-        found, used[v] = found + 1, 1
+        found, used[v] = found + 1, at + 1
         turn = -nx * y + ny * x
         w = 1.0 / (sigma * sigma + (0.5 * within_m) ** 2)
         s = within_m + GATE * sigma
@@ -118,6 +120,39 @@ def refound(
         C = np.asarray(np.linalg.inv(whole + prior), np.float64)
         offset = offset - C @ (g + prior @ offset)
     return offset, C, found
+
+
+def stretches(voxels: Voxels, count: int, walls: F64, offset: F64, used: I32) -> Floats:
+    """Where known walls were met: segments (n, 4) as the frame saw them, level frame.
+
+    Of each stretch without a gap its own distance to the wall, and of a long one its own slope.
+
+    Args:
+        offset, used: as `refound` left them.
+    """
+    on = np.flatnonzero(used[:count])
+    x, y = voxels.x[on].astype(np.float64), voxels.y[on].astype(np.float64)
+    moved = np.column_stack([x + offset[0] - offset[2] * y, y + offset[1] + offset[2] * x])
+    found = []
+    for k in np.unique(used[on]):
+        start, end = walls[k - 1, :2], walls[k - 1, 2:]
+        u = (end - start) / math.dist(start, end)
+        off = moved[used[on] == k] - start
+        along, aside = off @ u, off @ np.array([-u[1], u[0]])
+        order = np.argsort(along, kind="stable")
+        for run in np.split(order, np.flatnonzero(np.diff(along[order]) > GAP_M) + 1):
+            first, last = float(along[run[0]]), float(along[run[-1]])
+            if last - first < SHORT_M:
+                continue
+            middle, slope = float(along[run].mean()), 0.0
+            if last - first >= STRAIGHT_M:
+                slope = float(np.cov(along[run], aside[run])[0, 1] / np.var(along[run]))
+            for t in (first, last):
+                e = float(aside[run].mean()) + slope * (t - middle)
+                found.append(start + t * u + e * np.array([-u[1], u[0]]))
+    ends = np.array(found).reshape(-1, 2) - offset[:2]
+    ends = ends + offset[2] * np.column_stack([ends[:, 1], -ends[:, 0]])
+    return np.asarray(ends.reshape(-1, 4))
 
 
 @releasing_kernel

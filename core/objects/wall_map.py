@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import shapely
 
 from core.objects.align import Correction, Sides
 from core.objects.index import Box, BoxIndex
@@ -37,6 +38,18 @@ class WallMap:
     def near(self, box: Box) -> list[WallRecord]:
         found = [self._walls[number].record() for number in self._index.near(box)]
         return [wall for wall in found if len(wall.segments)]
+
+    def lines(self, box: Box) -> shapely.Geometry:
+        """The settled walls near a box."""
+        known = [self._walls[n] for n in self._index.near(box)]
+        return shapely.MultiLineString(
+            [
+                segment.reshape(2, 2)
+                for wall in known
+                if wall.frames >= self._s.confirm_frames
+                for segment in wall.record().segments
+            ]
+        )
 
     def take(self, record: WallRecord, at_s: float) -> None:
         """A wall that is known: as settled as if it had been seen."""

@@ -21,7 +21,8 @@ METHODS = {
 }
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
-ELSEWHERE = "hw.modbus", "hw.stripe", "hw.visionary"  # what is off, or another driver's, as shipped
+# off, or another driver's, as shipped; whoever takes up objects and paths warms them
+ELSEWHERE = "hw.modbus", "hw.stripe", "hw.visionary", "core.objects", "core.paths"
 COLD = """
 import json, sys
 from app import warm_kernels

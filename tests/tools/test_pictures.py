@@ -6,7 +6,14 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
-from tools.docs.pictures import PICTURES, digest_of, made, older_than_their_code, record
+from tools.docs.pictures import (
+    PICTURES,
+    digest_of,
+    made,
+    older_than_their_code,
+    record,
+    with_neighbours,
+)
 
 
 def test_no_picture_is_older_than_the_code_that_draws_it() -> None:
@@ -40,3 +47,13 @@ def test_a_change_of_the_code_is_noticed(tmp_path: Path) -> None:
     assert older_than_their_code(listed) == ["a.png: make pictures"]
     with pytest.raises(ValueError, match=r"gone\.py"):
         digest_of(["gone.py"])
+
+
+def test_a_module_is_drawn_by_what_it_imports_of_its_folder_and_by_nothing_else() -> None:
+    assert with_neighbours("tools/objects/pictures.py") == [
+        "tools/objects/frames.py",
+        "tools/objects/pictures.py",
+    ]
+    steps = with_neighbours("core/objects/frame.py")
+    assert {"core/objects/view.py", "core/objects/voxels.py"} < set(steps)
+    assert "core/objects/object_map.py" not in steps

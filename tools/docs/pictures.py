@@ -4,6 +4,7 @@ Who draws a picture records it here, with a digest of the files that decide what
 test compares: a picture that is older than the code that draws it has to be drawn again.
 """
 
+import ast
 import hashlib
 import json
 from collections.abc import Iterable, Sequence
@@ -26,6 +27,21 @@ def digest_of(names: Iterable[str], root: Path = ROOT) -> str:
             total.update(path.relative_to(root).as_posix().encode() + b"\0")
             total.update(path.read_bytes() + b"\0")
     return total.hexdigest()[:16]
+
+
+def with_neighbours(name: str, root: Path = ROOT) -> list[str]:
+    """A module's file and those of its own folder that it imports, directly or through others."""
+    found, open_names = set[str](), [name]
+    package = Path(name).parent.as_posix().replace("/", ".") + "."
+    while open_names:
+        one = open_names.pop()
+        found.add(one)
+        for node in ast.walk(ast.parse((root / one).read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+                paths = [f"{n.replace('.', '/')}.py" for n in names if n.startswith(package)]
+                open_names += [p for p in paths if p not in found and (root / p).exists()]
+    return sorted(found)
 
 
 def made(path: Path = LIST) -> Made:

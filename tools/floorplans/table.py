@@ -12,7 +12,7 @@ import shapely
 from core.paths.coverage import plan_coverage
 from core.paths.measures import Motion, measures_of
 from core.paths.records import CoveragePlan, Machine, Segment
-from tools.docs.pictures import PICTURES, ROOT, record
+from tools.docs.pictures import PICTURES, ROOT, record, with_neighbours
 from tools.floorplans.baselines import driven, other_planner, plain_rows
 from tools.floorplans.picture import MISSED, REACHED, drawn
 from tools.floorplans.plan_file import load_plan
@@ -27,7 +27,7 @@ HEAD = """| floor plan | planner | covered % | ratio | travel m | planned in s |
 |---|---|---|---|---|---|---|
 """
 DRAWN, PICTURE = "d9_clutter", "coverage-d9.png"
-OF = ["core/paths/*.py", "tools/floorplans/picture.py"]
+OF = [*with_neighbours("core/paths/coverage.py"), "tools/floorplans/picture.py"]
 
 
 def ours(plan: FloorPlan) -> CoveragePlan:

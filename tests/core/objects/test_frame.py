@@ -195,7 +195,11 @@ def test_known_walls_are_taken_away_and_tell_where_the_camera_is() -> None:
     assert (np.abs(errors) < np.maximum(3.0 * sigmas, [0.01, 0.01, 0.003])).all()
     assert (sigmas < [0.03, 0.03, 0.01]).all()
     assert len(result.objects.detections) == 1
-    assert len(result.objects.walls) == 0
+    ends = result.objects.walls.reshape(-1, 2)  # as the frame saw them: off as its pose is
+    ends = ends @ placed(0.0, 0.0, yaw_deg=math.degrees(told.yaw_rad))[:2, :2].T
+    assert ends + np.array([told.x_m, told.y_m]) == pytest.approx(
+        np.array([[3.0, -1.75], [3.0, 1.25], [2.02, 1.2], [3.0, 1.2]]), abs=0.1
+    )
 
 
 def test_walls_along_one_direction_leave_the_other_as_unsure_as_it_was() -> None:

@@ -6,9 +6,12 @@ import msgspec
 import numpy as np
 import pytest
 
+from core.objects.contour import area_of, polygons_of
+from core.objects.field import DistanceField
 from core.objects.map_settings import QuickCheckSettings
 from core.objects.object_map import MapUpdate, ObjectMap
 from core.objects.records import Detection, FrameObjects
+from core.objects.seen import pieces_of
 from core.objects.warm import warm_object_map
 from tools.experiments.object_world import (
     SETTINGS,
@@ -222,3 +225,29 @@ def test_few_fields_are_kept_and_the_rest_goes_on_from_its_outline() -> None:
     first, second = outlines(objects)
     assert corner_errors(world.things[0].outline[[0, 3]], first).max() < 0.03
     assert corner_errors(world.things[1].outline[[1, 2]], second).max() < 0.03
+
+
+def test_a_piece_of_a_wall_goes_when_the_wall_is_known_and_what_stands_before_it_stays() -> None:
+    piece, before = box(3.05, 0.0, 0.1, 0.6), box(2.9, -0.9, 0.2, 0.2)  # flush with the wall
+    world, objects = World([piece, before], noise=NOISE), ObjectMap(SETTINGS)
+    watch(world, objects, 40)
+    assert len(outlines(objects)) == 2
+    world.things, world.walls = [before], np.array([[3.0, -1.5, 3.0, 1.5]])
+    watch(world, objects, SEEN_S)
+    [still] = objects.objects()
+    assert overlap(still.polygon, before.outline) > 0.4  # half of it was seen
+
+
+def test_what_a_field_gives_away_is_not_drawn_as_its_own_again() -> None:
+    field = DistanceField(SETTINGS)
+    field.reach(np.array([0.0, 0.0]), np.array([0.6, 0.6]))
+    field.mean[:], field.weight[:] = SETTINGS.band_m, SETTINGS.memory_frames
+    for low, high in ((0, 8), (14, 18), (24, 32)):  # three parts, one between the others
+        field.mean[low + 4 : high + 4, 10:20] = -SETTINGS.band_m
+    places = polygons_of(field.values(), field.place, SETTINGS.cell_m, SETTINGS.least_size_m)
+    assert len(places) == 3
+    between = min(places, key=area_of)
+    field.give_away(pieces_of(between, 1.0))
+    left = polygons_of(field.values(), field.place, SETTINGS.cell_m, SETTINGS.least_size_m)
+    assert len(left) == 2
+    assert all(apart_m(one, between) > 0.05 for one in left)

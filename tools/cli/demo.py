@@ -8,6 +8,7 @@ receiver. Ctrl-C, or the end of --seconds, ends all of them.
 
 import argparse
 import contextlib
+import importlib
 import importlib.util
 import math
 import socket
@@ -132,9 +133,8 @@ def is_free(port: int) -> bool:
 
 def check_given(options: argparse.Namespace, config: Config) -> None:
     """Before anything starts. Raises ConfigError, OSError, KeyError, ValueError."""
-    from fakes.scenes.scene import load_scene  # where there is a simulation
-
-    load_scene(options.scene, options.seed)
+    scenes = importlib.import_module("fakes.scenes.scene")  # not installed with this command
+    scenes.load_scene(options.scene, options.seed)
     if options.record:
         with_changes(config, record={"path": recorded_to(options.record)})
     if options.out is not None and not options.out.is_dir() and options.out.exists():

@@ -24,7 +24,7 @@ FOOTPRINT = (0.5, 0.25, 0.25)  # ahead, behind, to either side
 def seen_after(x: float, y: float, yaw: float) -> dict[tuple[int, int], float]:
     """When each world cell of a window was seen, once a robot has stood somewhere at 7 s."""
     grid = RingGrid(11, 0.25)
-    grid.follow(1.0, -2.0)
+    grid.follow(1.75, -2.0)  # its last column in memory lies within it
     fresh = Freshness(grid, 1.0, FOOTPRINT)
     fresh.follow(7.0, x, y, (math.cos(yaw), math.sin(yaw)))
     return {
@@ -38,6 +38,7 @@ def seen_after(x: float, y: float, yaw: float) -> dict[tuple[int, int], float]:
 @example(1.125, -1.875, 0.0)  # middles of cells lie on its edges
 @example(0.0, -3.25, 0.0)
 @example(2.25, -1.0, 0.5)
+@example(2.5, -2.0, 0.0)
 def test_the_robot_sees_to_the_cells_whose_middles_it_covers(
     x: float, y: float, yaw: float
 ) -> None:

@@ -34,11 +34,12 @@ def seen_after(x: float, y: float, yaw: float) -> dict[tuple[int, int], float]:
     }
 
 
-@given(st.floats(-0.5, 2.5), st.floats(-3.5, -0.5), st.floats(-3.2, 3.2))
+@given(st.floats(-0.5, 3.2), st.floats(-3.5, -0.5), st.floats(-3.2, 3.2))
 @example(1.125, -1.875, 0.0)  # middles of cells lie on its edges
 @example(0.0, -3.25, 0.0)
 @example(2.25, -1.0, 0.5)
 @example(2.5, -2.0, 0.0)
+@example(3.0, -2.0, 0.0)
 def test_the_robot_sees_to_the_cells_whose_middles_it_covers(
     x: float, y: float, yaw: float
 ) -> None:

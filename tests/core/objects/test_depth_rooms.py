@@ -43,6 +43,7 @@ def over(mapper: Mapper, thing: Thing) -> float:
     return float(found.intersection(truth).area / truth.area)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pose_m", "camera"), [(0.01, CAMERAS[1]), (0.03, CAMERAS[2])])
 def test_a_drive_finds_what_it_has_seen(pose_m: float, camera: tuple[float, float]) -> None:
     there, mapper = room(11, pose_m, *camera), Mapper()

@@ -18,6 +18,7 @@ from core.paths.rings import joined
 from core.paths.space import FloorError, repaired
 from core.records import F64
 from tests.core.paths.floors import KINDS, VACUUM
+from tests.support.cases import examples
 
 MOTION = Motion(speed_mps=0.3, accel_mps2=0.5, turn_radps=1.5)
 HALL = shapely.box(0, 0, 3, 2)
@@ -37,7 +38,7 @@ def planned(floor: BaseGeometry, machine: Machine = VACUUM) -> CoveragePlan | No
         return None
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=examples(5), deadline=None)
 @given(kind=st.sampled_from(sorted(KINDS)), seed=st.integers(0, 10**6))
 def test_every_metre_lies_inside_and_segments_join_and_what_is_missed_is_told(
     kind: str, seed: int
@@ -162,7 +163,7 @@ def test_a_chair_leg_splits_lanes_and_not_the_hall() -> None:
 
 
 @example(seed=0)
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=examples(2), deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_furnished_rooms_are_covered_in_little_more_than_the_ideal_length(seed: int) -> None:
     floor = KINDS["rooms"](seed)

@@ -92,6 +92,7 @@ def test_the_planner_holds_that_map_and_nothing_was_lost(seen: Seen) -> None:
     assert counts.scans_added > 130
 
 
+@pytest.mark.slow
 def test_each_step_before_the_map_takes_out_some_of_what_is_wrong_beside_edges() -> None:
     off = {"min_group": 1, "three_scans": False, "cas": False}
     bare, groups, shadows = (

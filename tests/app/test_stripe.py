@@ -10,6 +10,7 @@ from config_file import load_config, with_changes
 from fakes.scenes.scene import Scene, Solid
 from fakes.stripe.device import FakeStripe
 from tests import ROOT
+from tests.support.cases import few
 from tests.support.closed_loop import ClosedLoop, told_heights
 from tests.support.shipped import FLOOR
 from tools.rig.loop import SESSION
@@ -86,6 +87,7 @@ def begun() -> StripeLoop:
     return loop
 
 
+@pytest.mark.slow
 def test_heights_of_boxes_that_the_line_passes_over_are_true_to_five_millimetres() -> None:
     config = with_changes(RAGNO, scanner={"mount_x_m": 0.40})  # it must not run into them
     way: dict[str, Any] = {"waypoints": ((0.95, 0.0),), "speed_mps": 0.2}
@@ -118,7 +120,9 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
 
 
 @pytest.mark.parametrize(
-    ("fault", "told"), FAULTS, ids=lambda value: "" if isinstance(value, str) else next(iter(value))
+    ("fault", "told"),
+    few(FAULTS, 1),
+    ids=lambda value: "" if isinstance(value, str) else next(iter(value)),
 )
 def test_bad_images_are_counted_take_free_back_and_are_told(
     fault: dict[str, Any], told: str
@@ -143,7 +147,7 @@ def test_bad_images_are_counted_take_free_back_and_are_told(
     assert loop.is_seeing()
 
 
-@pytest.mark.parametrize("is_unplugged", [False, True])
+@pytest.mark.parametrize("is_unplugged", few([True, False], 1))
 def test_a_camera_that_vanishes_takes_free_back_and_is_seen_again(is_unplugged: bool) -> None:
     loop = begun()
     wire = loop.wires["scanner"]

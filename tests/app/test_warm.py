@@ -79,6 +79,7 @@ def test_every_kernel_that_the_settings_can_come_to_is_warm() -> None:
     assert {name for name in cold if not name.startswith(ELSEWHERE[1:])} == set()
 
 
+@pytest.mark.slow
 def test_every_kernel_of_a_camera_is_warm_where_that_is_the_scanner() -> None:
     ways = [{"driver": "stripe", **GIVEN, "find": find} for find in ("peak", "threshold")]
     cold = cold_after(scanner=ways[0]) & cold_after(scanner=ways[1])

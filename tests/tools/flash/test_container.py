@@ -8,6 +8,8 @@ import sys
 import zipfile
 from pathlib import Path
 
+import pytest
+
 from tests import ROOT
 
 RECIPE = (ROOT / "tools" / "flash" / "Containerfile").read_text(encoding="utf-8")
@@ -23,6 +25,7 @@ def built(folder: Path) -> list[str]:
         return sorted(archive.namelist())
 
 
+@pytest.mark.slow
 def test_what_it_copies_is_all_that_the_app_is_built_from(tmp_path: Path) -> None:
     ignored = shutil.ignore_patterns("__pycache__", "build", "*.egg-info", ".*", "tests", "docs")
     shutil.copytree(ROOT, tmp_path / "whole", ignore=ignored)

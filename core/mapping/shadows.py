@@ -18,8 +18,6 @@ from core.records import F64, U8, PointSweep, Scan
 from jit import Settled, kernel
 
 NOTHING_M = 0.0  # range of a beam that came back and tells nothing; one that did not has NaN
-
-
 IN_LINE, DROPPED = 1, 2  # bits of a beam: another stands in its line; it goes itself
 
 

@@ -43,6 +43,15 @@ class Correction(NamedTuple):
 
 
 @releasing_kernel
+def add_row(row: tuple[float, float, float], off_m: float, w: float, N: F64, g: F64) -> None:
+    """One equation of least squares into the upper half of N (3, 3) and into g (3,)."""
+    for a in range(3):
+        for b in range(a, 3):
+            N[a, b] += w * row[a] * row[b]
+        g[a] += w * off_m * row[a]
+
+
+@releasing_kernel
 def on_known(
     voxels: Voxels, count: int, walls: F64, sigmas: tuple[float, float], offset: F64,
     is_first: bool, within_m: float, noise: tuple[float, float, float], N: F64, g: F64, used: I32,
@@ -87,16 +96,7 @@ def on_known(
         w = 1.0 / (sigma * sigma + (0.5 * within_m) ** 2)
         s = within_m + GATE * sigma
         w *= 1.0 / (1.0 + (best / s) ** 2)  # Cauchy: what is far off says little
-        j0, j1, j2 = nx, ny, turn
-        N[0, 0] += w * j0 * j0
-        N[0, 1] += w * j0 * j1
-        N[0, 2] += w * j0 * j2
-        N[1, 1] += w * j1 * j1
-        N[1, 2] += w * j1 * j2
-        N[2, 2] += w * j2 * j2
-        g[0] += w * best * j0
-        g[1] += w * best * j1
-        g[2] += w * best * j2
+        add_row((nx, ny, turn), best, w, N, g)
     return found
 
 

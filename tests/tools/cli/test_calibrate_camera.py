@@ -13,6 +13,8 @@ from tests import ROOT, Capsys
 from tests.tools.calibration.chessboards import HELD, picture
 from tools.cli import calibrate
 
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("cv2", reason="needs OpenCV: pip install 'mapod[camera]'")
 SHIPPED = (ROOT / "robots" / "ragno.toml").read_text(encoding="utf-8")
 FOCAL_PX, CENTRE_PX, DISTORTION = (612.0, 607.0), (327.0, 234.0), (-0.18, 0.05, 0.001, -0.001, 0.0)

@@ -14,6 +14,8 @@ from tools.cli import link_test
 from tools.conformance.slow_receiver import SlowReceiver
 from tools.conformance.suite import chosen
 
+pytestmark = pytest.mark.slow
+
 KEY = bytes(range(32))
 SOON_S = 0.01  # between two ACKs: nobody has to wait long
 

@@ -13,6 +13,8 @@ from tests import ROOT
 from tests.tools.flash.stand_in import PYTHON, bundle, flashed, runs, tree
 from tools.flash.wheels import Target
 
+pytestmark = pytest.mark.slow
+
 
 def only_version(root: Path) -> str:
     [folder] = (root / "opt/mapod/versions").iterdir()

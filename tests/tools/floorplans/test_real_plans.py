@@ -11,6 +11,8 @@ from tests.support.cases import few
 from tools.floorplans.plan_file import load_plan
 from tools.floorplans.table import MOTION, VACUUM
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.mark.parametrize(
     "path", few(sorted((VECTORS / "floorplans").glob("*.json")), 2), ids=lambda p: p.stem

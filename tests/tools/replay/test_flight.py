@@ -24,6 +24,8 @@ from tools.cli import replay, why
 from tools.replay.player import Player
 from tools.rig.loop import START_S
 
+pytestmark = pytest.mark.slow
+
 BOX_X_M, READY_S, FLIGHT_S = 12.33, 3.0, 13.0
 UNKNOWN = "it begins in the middle of a run: the map is unknown at its begin"
 

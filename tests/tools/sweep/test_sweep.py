@@ -20,6 +20,8 @@ from tools.sweep.page import page_of
 from tools.sweep.scores import SCORES
 from tools.sweep.tables import lines_of
 
+pytestmark = pytest.mark.slow
+
 SECONDS = 7.0
 PLACE = Scene(
     "hall", (FLOOR, Solid("wall", (9.0, 9.5), (-6.0, 6.0), (0.0, 2.0))), goals=((4.0, 0.0),)

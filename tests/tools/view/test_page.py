@@ -15,9 +15,12 @@ from tests.tools.view.page_at_work import PROBES, Page, a_page
 from tests.tools.view.scripted_server import TOKEN
 from tools.docs.browser import CHROMIUM, DRIVER, Browser, a_browser
 
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason="needs a browser: apt install chromium chromium-driver"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (CHROMIUM and DRIVER), reason="needs a browser: apt install chromium chromium-driver"
+    ),
+]
 IN_DITCH = (9.6, 1.2)
 ON_FLOOR = (7.0, -1.0)
 NEVER_SEEN = (2.0, 5.0)

@@ -8,9 +8,12 @@ import pytest
 from tests.tools.view.page_at_work import Page, a_page
 from tools.docs.browser import CHROMIUM, DRIVER, Browser, a_browser
 
-pytestmark = pytest.mark.skipif(
-    not (CHROMIUM and DRIVER), reason="needs a browser: apt install chromium chromium-driver"
-)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(
+        not (CHROMIUM and DRIVER), reason="needs a browser: apt install chromium chromium-driver"
+    ),
+]
 
 OTHER_WAYS = ("pagehide", "Escape", "Control", "let go")
 

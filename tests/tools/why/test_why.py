@@ -27,6 +27,8 @@ from tools.why.picture import OBSTACLE_RGB
 from tools.why.text import lines_of
 from tools.why.words import describe_cell
 
+pytestmark = pytest.mark.slow
+
 BOX_X_M, READY_S, DRIVEN_S = 2.33, 1.7, 6.0
 TOLD = ("age", "height", "variance")  # of a cell; None where it is not known
 PLACE_M = (BOX_X_M + 0.02, 0.02)  # of a cell that is the box's face

@@ -134,6 +134,7 @@ placement: setup ## docs/terrain.md's picture: what mounts of a downward-looking
 
 objects: setup $(VENV)/.ready-test ## docs/objects.md's pictures: what the steps make of real frames of a depth camera
 	@$(BIN)/python -m tools.objects.pictures
+
 coverage-plans: setup $(VENV)/.ready-test ## docs/coverage.md's table and picture: planners on floor plans of real robots; minutes
 	@$(BIN)/python -m pip install --disable-pip-version-check --quiet "coverage-path-planner>=1.4,<2"
 	@$(BIN)/python -m tools.floorplans.table

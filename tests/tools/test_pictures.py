@@ -54,6 +54,6 @@ def test_a_module_is_drawn_by_what_it_imports_of_its_folder_and_by_nothing_else(
         "tools/objects/frames.py",
         "tools/objects/pictures.py",
     ]
-    steps = with_neighbours("core/objects/frame.py")
-    assert {"core/objects/view.py", "core/objects/voxels.py"} < set(steps)
-    assert "core/objects/object_map.py" not in steps
+    steps = with_neighbours("core/objects/frame/steps.py")
+    assert {"core/objects/frame/view.py", "core/objects/frame/voxels.py"} < set(steps)
+    assert "core/objects/vector_map/object_map.py" not in steps

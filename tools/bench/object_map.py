@@ -11,10 +11,10 @@ import tracemalloc
 
 import numpy as np
 
-from core.objects.map_settings import QuickCheckSettings
-from core.objects.mapped import MapObject
-from core.objects.object_map import ObjectMap
-from core.objects.quick_check import quick_check
+from core.objects.vector_map.mapped import MapObject
+from core.objects.vector_map.object_map import ObjectMap
+from core.objects.vector_map.quick_check import quick_check
+from core.objects.vector_map.settings import QuickCheckSettings
 from tools.experiments.object_world import (
     SETTINGS,
     Noise,

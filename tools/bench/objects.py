@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from core.objects import hulls, outlines, summits, view, voxels
-from core.objects.frame import CameraPose, FrameSteps, level_of
-from core.objects.room import Room
+from core.objects.frame import hulls, outlines, summits, view, voxels
+from core.objects.frame.room import Room
+from core.objects.frame.steps import CameraPose, FrameSteps, level_of
 from core.records import F64, DepthCamera, DepthImage
 from tools.objects.frames import FRAMES, KINECT, Frame, image_of, pose_of
 

@@ -15,10 +15,10 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from core.objects.frame import CameraPose, FrameResult, FrameSteps
-from core.objects.object_map import MapUpdate, ObjectMap
+from core.objects.frame.settings import FrameSettings
+from core.objects.frame.steps import CameraPose, FrameResult, FrameSteps
 from core.objects.records import Floats
-from core.objects.settings import FrameSettings
+from core.objects.vector_map.object_map import MapUpdate, ObjectMap
 from core.records import F64, DepthCamera, DepthImage
 from jit import kernel
 from tools.experiments.object_world import SETTINGS, corner_errors

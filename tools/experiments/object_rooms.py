@@ -15,8 +15,8 @@ import shapely
 from msgspec import Struct
 from PIL import Image, ImageDraw
 
-from core.objects.object_map import ObjectMap
 from core.objects.records import Floats
+from core.objects.vector_map.object_map import ObjectMap
 from tools.docs.pictures import PICTURES, record
 from tools.experiments.object_world import (
     ROOM_M,

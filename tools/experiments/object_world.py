@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Detection, Floats, FrameObjects
+from core.objects.vector_map.settings import ObjectMapSettings
 
 FRAME_S = 0.1
 CORNER_M = 0.03  # a ray that ends so near a corner has seen it

@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 
 from core.geometry import R_from_rpy
-from core.objects.frame import CameraPose
-from core.objects.settings import FrameSettings
+from core.objects.frame.settings import FrameSettings
+from core.objects.frame.steps import CameraPose
 from core.records import F32, DepthCamera, DepthImage
 from tools.docs.pictures import ROOT
 

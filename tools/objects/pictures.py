@@ -12,8 +12,8 @@ import numpy.typing as npt
 import shapely
 from PIL import Image, ImageDraw
 
-from core.objects import pixels
-from core.objects.frame import FrameResult, FrameSteps
+from core.objects.frame import pixels
+from core.objects.frame.steps import FrameResult, FrameSteps
 from core.objects.records import Floats
 from core.records import DepthImage
 from tools.docs.pictures import PICTURES, record, with_neighbours
@@ -34,7 +34,7 @@ COLOURS = (
 )  # fmt: skip
 GREY, SEEN, INK = (70, 70, 70), (214, 236, 214), (20, 20, 20)
 SMALL, PLAN = (320, 240), 480  # px
-MADE_OF = [*with_neighbours("core/objects/frame.py"), "tools/objects/*.py"]
+MADE_OF = [*with_neighbours("core/objects/frame/steps.py"), "tools/objects/*.py"]
 
 
 def by_range(image: DepthImage, longest_m: float) -> Pixels:

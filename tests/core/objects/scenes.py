@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from core.objects.frame import CameraPose
+from core.objects.frame.steps import CameraPose
 from core.records import DepthCamera, DepthImage
 
 F64 = npt.NDArray[np.float64]

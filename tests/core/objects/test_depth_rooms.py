@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from core.objects.object_map import MapUpdate
+from core.objects.vector_map.object_map import MapUpdate
 from tools.experiments.depth_rooms import (
     CAMERAS,
     FRAME_S,

@@ -10,9 +10,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numba.core.dispatcher import Dispatcher
 
-from core.objects import floor, hulls, outlines, pixels, summits, view, voxels, wall_lines
-from core.objects.frame import CameraPose, FrameResult, FrameSteps
-from core.objects.settings import FrameSettings
+from core.objects.frame import floor, hulls, outlines, pixels, summits, view, voxels, wall_lines
+from core.objects.frame.settings import FrameSettings
+from core.objects.frame.steps import CameraPose, FrameResult, FrameSteps
 from core.records import DepthCamera, DepthImage
 from jit import COMPILED
 from tests.core.objects.scenes import (

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.objects.geojson import (
+from core.objects.vector_map.geojson import (
     GeoJsonError,
     SavedMap,
     geojson_from_map,
     map_from_floor_plan,
     map_from_geojson,
 )
-from core.objects.object_map import ObjectMap
+from core.objects.vector_map.object_map import ObjectMap
 from tools.experiments.object_world import SETTINGS, Noise, World, box, overlap
 
 WALL = np.array([[3.0, -2.0, 3.0, 2.0]])

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from core.objects.index import BoxIndex
-from core.objects.journal import Changes, Journal, Shape, shape_of
+from core.objects.vector_map.index import BoxIndex
+from core.objects.vector_map.journal import Changes, Journal, Shape, shape_of
 
 
 def told(number: int, size: float) -> Shape:

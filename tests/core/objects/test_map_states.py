@@ -8,8 +8,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, rule
 
-from core.objects.journal import Shape
-from core.objects.object_map import MapUpdate, ObjectMap
+from core.objects.vector_map.journal import Shape
+from core.objects.vector_map.object_map import MapUpdate, ObjectMap
 from tools.experiments.object_world import SETTINGS, Noise, Thing, World, apart_m, box, person
 
 PLACES = st.tuples(st.integers(-2, 2), st.integers(2, 6))

@@ -6,13 +6,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from core.objects.contour import area_of, polygons_of
-from core.objects.field import DistanceField
-from core.objects.map_settings import QuickCheckSettings
-from core.objects.object_map import MapUpdate, ObjectMap
 from core.objects.records import Detection, FrameObjects
-from core.objects.seen import pieces_of
-from core.objects.warm import warm_object_map
+from core.objects.vector_map.contour import area_of, polygons_of
+from core.objects.vector_map.field import DistanceField
+from core.objects.vector_map.object_map import MapUpdate, ObjectMap
+from core.objects.vector_map.seen import pieces_of
+from core.objects.vector_map.settings import QuickCheckSettings
+from core.objects.vector_map.warm import warm_object_map
 from tests.support.cases import few
 from tools.experiments.object_world import (
     SETTINGS,

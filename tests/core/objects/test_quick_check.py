@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from core.objects.map_settings import QuickCheckSettings
-from core.objects.object_map import ObjectMap
-from core.objects.quick_check import expected_ranges, quick_check
 from core.objects.records import Floats
+from core.objects.vector_map.object_map import ObjectMap
+from core.objects.vector_map.quick_check import expected_ranges, quick_check
+from core.objects.vector_map.settings import QuickCheckSettings
 from tools.experiments.object_world import SETTINGS, World, box
 
 LOOK = QuickCheckSettings(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from core.objects.frame import FrameResult, FrameSteps
+from core.objects.frame.steps import FrameResult, FrameSteps
 from core.records import F64
 from tools.objects.frames import FRAMES, image_of, pose_of
 

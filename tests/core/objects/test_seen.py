@@ -8,9 +8,9 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.objects.object_map import ObjectMap
 from core.objects.records import Detection, Floats, FrameObjects
-from core.objects.seen import sectors_of, sees
+from core.objects.vector_map.object_map import ObjectMap
+from core.objects.vector_map.seen import sectors_of, sees
 from tools.experiments.object_world import SETTINGS
 
 NO_WALLS = np.zeros((0, 4))

@@ -5,8 +5,8 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.objects import hulls, outlines, summits, voxels
-from core.objects.room import Room
+from core.objects.frame import hulls, outlines, summits, voxels
+from core.objects.frame.room import Room
 from core.records import F64
 from tests.core.objects.scenes import camera
 from tests.core.objects.test_frame import SETTINGS

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from core.objects.tracker import Kalman, Tracker, assignment
+from core.objects.vector_map.tracker import Kalman, Tracker, assignment
 from tools.experiments.object_world import SETTINGS
 
 SIZES = st.tuples(st.integers(1, 5), st.integers(1, 5))

@@ -15,9 +15,9 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Floats
-from core.objects.seen import pieces_of, sees
+from core.objects.vector_map.seen import pieces_of, sees
+from core.objects.vector_map.settings import ObjectMapSettings
 from jit import kernel
 
 Cells = NDArray[np.float32]

@@ -10,14 +10,14 @@ from typing import Any, TypeVar, get_type_hints
 import numpy as np
 import numpy.typing as npt
 
-from core.objects.floor import LEVEL_BINS, Gated
-from core.objects.hulls import Rings
-from core.objects.outlines import Columns, Measures
-from core.objects.pixels import FAN_COLUMNS, I32, Fan, Points
-from core.objects.settings import FrameSettings
-from core.objects.summits import LEVELS
-from core.objects.voxels import NONE, Clusters, Voxels, warp_of
-from core.objects.wall_lines import BINS
+from core.objects.frame.floor import LEVEL_BINS, Gated
+from core.objects.frame.hulls import Rings
+from core.objects.frame.outlines import Columns, Measures
+from core.objects.frame.pixels import FAN_COLUMNS, I32, Fan, Points
+from core.objects.frame.settings import FrameSettings
+from core.objects.frame.summits import LEVELS
+from core.objects.frame.voxels import NONE, Clusters, Voxels, warp_of
+from core.objects.frame.wall_lines import BINS
 from core.records import F32, F64, DepthCamera
 
 T = TypeVar("T")

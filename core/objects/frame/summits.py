@@ -7,9 +7,9 @@ higher. Only summits of at least UPRIGHT_M count: a table or a box has none.
 Source: docs/objects.md, section 6; watershed by flooding, Vincent and Soille 1991.
 """
 
-from core.objects.outlines import Columns
-from core.objects.pixels import I32
-from core.objects.voxels import NONE, Clusters, Voxels, find, root_of, table_size
+from core.objects.frame.outlines import Columns
+from core.objects.frame.pixels import I32
+from core.objects.frame.voxels import NONE, Clusters, Voxels, find, root_of, table_size
 from jit import kernel, releasing_kernel
 
 UPRIGHT_M = 1.0

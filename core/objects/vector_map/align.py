@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Floats, FrameObjects
+from core.objects.vector_map.settings import ObjectMapSettings
 
 ROUNDS = 4
 CAUCHY = 2.4  # sigmas where a residual weighs half: 95 % efficient without outliers

@@ -9,9 +9,9 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from core.objects.map_settings import QuickCheckSettings
-from core.objects.object_map import ObjectMap
 from core.objects.records import Floats
+from core.objects.vector_map.object_map import ObjectMap
+from core.objects.vector_map.settings import QuickCheckSettings
 from jit import kernel
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from core.objects.pixels import I32
+from core.objects.frame.pixels import I32
 from core.objects.records import Floats
 from core.records import F32, F64
 from jit import kernel, releasing_kernel

@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.pixels import I32, Points
-from core.objects.settings import FrameSettings
+from core.objects.frame.pixels import I32, Points
+from core.objects.frame.settings import FrameSettings
 from core.records import F32, F64
 from jit import kernel, releasing_kernel
 

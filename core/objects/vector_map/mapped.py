@@ -7,12 +7,12 @@ import numpy as np
 import shapely
 from msgspec import Struct
 
-from core.objects.contour import area_of, polygons_of
-from core.objects.field import DistanceField
-from core.objects.index import Box
-from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Detection, Floats
-from core.objects.seen import pieces_of
+from core.objects.vector_map.contour import area_of, polygons_of
+from core.objects.vector_map.field import DistanceField
+from core.objects.vector_map.index import Box
+from core.objects.vector_map.seen import pieces_of
+from core.objects.vector_map.settings import ObjectMapSettings
 
 VIEWS = 8  # directions from which an object can have been seen: bit 0 is from +x, counter-clockwise
 LOST_SHARE = 0.2  # so much of a settled outline carved away: it was moved

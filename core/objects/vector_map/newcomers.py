@@ -14,10 +14,10 @@ from typing import NamedTuple
 import numpy as np
 from msgspec import Struct
 
-from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Detection, Floats
-from core.objects.seen import count_seen
-from core.objects.tracker import Track, Tracker
+from core.objects.vector_map.seen import count_seen
+from core.objects.vector_map.settings import ObjectMapSettings
+from core.objects.vector_map.tracker import Track, Tracker
 
 
 class Sight(NamedTuple):

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from core.objects.contour import area_of
-from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Detection, Floats, FrameObjects
-from core.objects.seen import mark_seen, pieces_of, sectors_of
+from core.objects.vector_map.contour import area_of
+from core.objects.vector_map.seen import mark_seen, pieces_of, sectors_of
+from core.objects.vector_map.settings import ObjectMapSettings
 
 
 class PreparedFrame(NamedTuple):

@@ -16,18 +16,18 @@ import numpy as np
 import shapely
 from msgspec import Struct
 
-from core.objects.align import Correction, Sides, correction_of
-from core.objects.field import NONE
-from core.objects.index import Box, BoxIndex
-from core.objects.journal import Changes, Journal, shape_of
-from core.objects.map_settings import ObjectMapSettings
-from core.objects.mapped import MapObject, Mapped, box_of
-from core.objects.newcomers import Newcomer, Newcomers, Obstacle, Sight, size_of
-from core.objects.prepared import PreparedFrame, check_frame, prepared, seen_of
 from core.objects.records import Floats, FrameObjects
-from core.objects.seen import pieces_of
-from core.objects.wall_map import WallMap
-from core.objects.walls import WallRecord
+from core.objects.vector_map.align import Correction, Sides, correction_of
+from core.objects.vector_map.field import NONE
+from core.objects.vector_map.index import Box, BoxIndex
+from core.objects.vector_map.journal import Changes, Journal, shape_of
+from core.objects.vector_map.mapped import MapObject, Mapped, box_of
+from core.objects.vector_map.newcomers import Newcomer, Newcomers, Obstacle, Sight, size_of
+from core.objects.vector_map.prepared import PreparedFrame, check_frame, prepared, seen_of
+from core.objects.vector_map.seen import pieces_of
+from core.objects.vector_map.settings import ObjectMapSettings
+from core.objects.vector_map.wall_map import WallMap
+from core.objects.vector_map.walls import WallRecord
 
 OF_WALL = 0.9  # so much of an object where a wall is taken to be: it is that wall
 COVERED = 0.5  # so much of the smaller of two objects within the other: they are one

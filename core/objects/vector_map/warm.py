@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from core.objects.map_settings import ObjectMapSettings, QuickCheckSettings
-from core.objects.object_map import ObjectMap
-from core.objects.quick_check import quick_check
 from core.objects.records import Detection, FrameObjects
+from core.objects.vector_map.object_map import ObjectMap
+from core.objects.vector_map.quick_check import quick_check
+from core.objects.vector_map.settings import ObjectMapSettings, QuickCheckSettings
 
 
 def warm_object_map(settings: ObjectMapSettings, look: QuickCheckSettings) -> None:

@@ -16,10 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.floor import GATE, SEED, SHARED
-from core.objects.pixels import I32, sigma_m
+from core.objects.frame.floor import GATE, SEED, SHARED
+from core.objects.frame.pixels import I32, sigma_m
+from core.objects.frame.voxels import Voxels
 from core.objects.records import Floats
-from core.objects.voxels import Voxels
 from core.records import F32, F64
 from jit import releasing_kernel
 

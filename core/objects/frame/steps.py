@@ -13,13 +13,13 @@ import msgspec
 import numpy as np
 
 from core.geometry import R_from_rpy
-from core.objects import floor, hulls, outlines, pixels, summits, view, voxels, wall_lines
-from core.objects.floor import GATE, SHARED, Floor
-from core.objects.pixels import Leveled, Limits, Nine, Six
+from core.objects.frame import floor, hulls, outlines, pixels, summits, view, voxels, wall_lines
+from core.objects.frame.floor import GATE, SHARED, Floor
+from core.objects.frame.pixels import Leveled, Limits, Nine, Six
+from core.objects.frame.room import Room
+from core.objects.frame.settings import FrameSettings
+from core.objects.frame.wall_lines import Correction
 from core.objects.records import Detection, Floats, FrameObjects
-from core.objects.room import Room
-from core.objects.settings import FrameSettings
-from core.objects.wall_lines import Correction
 from core.records import F64, DepthCamera, DepthImage
 
 Doubt = Literal["", "pose", "image", "no floor"]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.pixels import I32, Leveled, sigma_m
+from core.objects.frame.pixels import I32, Leveled, sigma_m
 from core.records import F32, F64
 from jit import kernel, releasing_kernel
 

@@ -12,9 +12,9 @@ import math
 
 import numpy as np
 
-from core.objects.pixels import Fan, Points, fan_cell
+from core.objects.frame.pixels import Fan, Points, fan_cell
+from core.objects.frame.voxels import Voxels
 from core.objects.records import Floats
-from core.objects.voxels import Voxels
 from core.records import F32, F64
 from jit import kernel, releasing_kernel
 

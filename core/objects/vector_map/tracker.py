@@ -13,8 +13,8 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Floats
+from core.objects.vector_map.settings import ObjectMapSettings
 
 GATE2 = 13.8  # chi-square, 2 degrees of freedom, 0.1 %
 FIRST_SPEED_MPS = 1.5  # 1 sigma of what is seen for the first time: a person walks so fast

@@ -15,12 +15,12 @@ import numpy as np
 import shapely
 from msgspec import Meta, Struct
 
-from core.objects.contour import area_of
-from core.objects.journal import MM
-from core.objects.map_settings import ObjectMapSettings
-from core.objects.mapped import VIEWS, MapObject
 from core.objects.records import Floats
-from core.objects.walls import WallRecord
+from core.objects.vector_map.contour import area_of
+from core.objects.vector_map.journal import MM
+from core.objects.vector_map.mapped import VIEWS, MapObject
+from core.objects.vector_map.settings import ObjectMapSettings
+from core.objects.vector_map.walls import WallRecord
 
 FORMAT, VERSION = "mapod objects", 1
 MOST_BYTES = 64 * 2**20

@@ -8,8 +8,8 @@ Source: docs/objects.md, section 7.
 
 from typing import NamedTuple
 
-from core.objects.pixels import I32, Points
-from core.objects.voxels import NONE, Voxels, cell_of, find, table_size
+from core.objects.frame.pixels import I32, Points
+from core.objects.frame.voxels import NONE, Voxels, cell_of, find, table_size
 from core.records import F32
 from jit import kernel, releasing_kernel
 

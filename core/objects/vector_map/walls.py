@@ -11,10 +11,10 @@ from itertools import pairwise
 import numpy as np
 from msgspec import Struct
 
-from core.objects.index import Box
-from core.objects.map_settings import ObjectMapSettings
 from core.objects.records import Floats
-from core.objects.seen import sees
+from core.objects.vector_map.index import Box
+from core.objects.vector_map.seen import sees
+from core.objects.vector_map.settings import ObjectMapSettings
 
 HALF = 0.5
 

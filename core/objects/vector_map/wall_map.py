@@ -6,12 +6,12 @@ from collections.abc import Callable
 import numpy as np
 import shapely
 
-from core.objects.align import Correction, Sides
-from core.objects.index import Box, BoxIndex
-from core.objects.map_settings import ObjectMapSettings
-from core.objects.mapped import box_of
 from core.objects.records import Floats, FrameObjects
-from core.objects.walls import Wall, WallRecord
+from core.objects.vector_map.align import Correction, Sides
+from core.objects.vector_map.index import Box, BoxIndex
+from core.objects.vector_map.mapped import box_of
+from core.objects.vector_map.settings import ObjectMapSettings
+from core.objects.vector_map.walls import Wall, WallRecord
 
 APART_M = 0.2  # pieces of a segment that are compared with a wall are at most so long
 

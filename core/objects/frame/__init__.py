@@ -1,0 +1,1 @@
+"""One frame of a depth camera: floor, walls, objects and the space seen through."""

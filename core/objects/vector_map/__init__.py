@@ -1,0 +1,1 @@
+"""The vector map that frames correct: objects, walls, doors, and what moves."""

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from core.config import Robot
+from core.run_settings import Robot
 from core.records import U8
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from tools.replay.moment import Moment

@@ -14,6 +14,7 @@ from hw.ports.url import CAMERAS
 from hw.ports.wires import PortUrlError, open_port, parse_url
 from hw.registry import (
     ATTITUDE_SENSORS,
+    CAMERA_PORTS,
     DRIVES,
     SCANNERS,
     AnyDevice,
@@ -71,6 +72,9 @@ def check_ports(config: Config) -> None:
     """ConfigError for a URL that names no port, one for two, or seven bits where all are needed."""
     given = [("scanner", config.scanner.port), ("ahrs", config.ahrs.port)]
     given += [("drive", config.drive.port)] if config.drive.port else []
+    given += (
+        [("depth", config.depth.port)] if config.depth is not None and config.has_camera else []
+    )
     given += [("planner", url) for url in config.planner.ports]
     given += [("modbus", url) for url in config.modbus.ports]
     lines: dict[str, str] = {}  # by the path of a serial line: whose it is
@@ -79,12 +83,7 @@ def check_ports(config: Config) -> None:
             parts = parse_url(url)
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
-        if parts.kind in CAMERAS and not (
-            section == "scanner" and config.scanner.driver == "stripe"
-        ):
-            raise ConfigError(
-                f"{section}.port: {url!r} is a camera's: only scanner.driver = 'stripe' reads one"
-            )
+        _check_camera(config, section, url, parts.kind)
         if parts.kind != "serial":
             continue
         if parts.bytesize != 8 and section in ("planner", "modbus"):
@@ -92,6 +91,24 @@ def check_ports(config: Config) -> None:
         if parts.path in lines:
             raise ConfigError(f"{section}.port: {url!r} is {lines[parts.path]}.port already")
         lines[parts.path] = section
+
+
+def _check_camera(config: Config, section: str, url: str, kind: str) -> None:
+    """ConfigError for a camera's port where none is read, or another kind where only such is."""
+    driver = str(getattr(getattr(config, section), "driver", ""))
+    read = CAMERA_PORTS.get((section, driver), ())
+    if kind in CAMERAS and kind not in read:
+        readers = [
+            f"{whose}.driver = {name!r}" for (whose, name), of in CAMERA_PORTS.items() if kind in of
+        ]
+        raise ConfigError(
+            f"{section}.port: {url!r} is a camera's: only {' or '.join(readers)} reads one"
+        )
+    if section == "depth" and read and kind not in read:
+        allowed = " or ".join(f"{one}:///" for one in read)
+        raise ConfigError(
+            f"depth.port: must begin with {allowed} for driver {driver!r}, is {url!r}"
+        )
 
 
 def open_ports(config: Config) -> Ports:

@@ -10,6 +10,7 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from core.records import Attitude, DepthImage, PointSweep, Scan, WheelCounts
 from hw.ax3500.session import Ax3500, Ax3500Options
+from hw.depth_images.options import FolderOptions, KinectOptions
 from hw.device import DeviceStatus, NoPort, Port
 from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.session import Lms111
@@ -169,6 +170,18 @@ def _visionary(port: Port, options: VisionaryOptions, around: Surroundings) -> D
     return Visionary(port, options, around.open_at or (lambda number: NoPort()))
 
 
+def _kinect(port: Port, options: KinectOptions, around: Surroundings) -> DepthSensor:
+    from hw.depth_images.session import kinect_on  # likewise
+
+    return kinect_on(port, options)
+
+
+def _folder(port: Port, options: FolderOptions, around: Surroundings) -> DepthSensor:
+    from hw.depth_images.session import folder_on  # likewise
+
+    return folder_on(port, options)
+
+
 def _no_depth(port: Port, options: NoDepthOptions, around: Surroundings) -> DepthSensor:
     raise ValueError("where there is no depth camera none is made")
 
@@ -186,4 +199,11 @@ DRIVES: dict[str, Driver[Drive]] = {
 DEPTH_CAMERAS: dict[str, Driver[DepthSensor]] = {
     "none": Driver(NoDepthOptions, _no_depth),
     "visionary": Driver(VisionaryOptions, _visionary),
+    "kinect": Driver(KinectOptions, _kinect),
+    "folder": Driver(FolderOptions, _folder),
+}
+CAMERA_PORTS = {  # what carries images alone, by the section and the driver that reads it
+    ("scanner", "stripe"): ("v4l2", "folder"),
+    ("depth", "kinect"): ("kinect", "fakenect"),
+    ("depth", "folder"): ("folder",),
 }

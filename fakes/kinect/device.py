@@ -31,13 +31,14 @@ def mm_of_raw(raw: U16) -> U16:
     return np.where(is_good, mm, 0.0).astype(np.uint16)
 
 
+def chunk(kind: bytes, body: bytes) -> bytes:
+    """A piece of a PNG, with its length and checksum."""
+    crc = zlib.crc32(kind + body)
+    return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", crc)
+
+
 def png_of(numbers: U16) -> bytes:
     """Grey, 16 bits a pixel; each row is told by what differs from the one above."""
-
-    def chunk(kind: bytes, body: bytes) -> bytes:
-        return (
-            struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
-        )
 
     rows = numbers.astype(">u2").view(np.uint8).reshape(len(numbers), -1)
     told = np.diff(rows, axis=0, prepend=np.zeros((1, rows.shape[1]), np.uint8))

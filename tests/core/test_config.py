@@ -128,7 +128,7 @@ def test_what_a_depth_camera_sees_is_set_where_there_is_one() -> None:
         ("map", "cell_m", float("nan"), "from 0.005 to 1, is nan"),
         ("map", "cell_m", 0.0333, "whole millimetres"),
         ("map", "cell_m", 0.004, "from 0.005 to 1, is 0.004"),
-        ("depth", "driver", "eye", "must be 'none' or 'visionary', is 'eye'"),
+        ("depth", "driver", "eye", "'none' or 'visionary' or 'kinect' or 'folder', is 'eye'"),
         ("depth", "port", "tcp://a:1", "must be \"\" with driver 'none', is 'tcp://a:1'"),
         ("objects", "voxel_m", 0.0, "from 0.005 to 0.2, is 0.0"),
         ("object_map", "confirm_frames", 1, "from 2 to 100, is 1"),

@@ -149,8 +149,9 @@ def mount_of(seen: Sequence[Seen], frames: int, level_rad: float) -> DepthMount:
     mount = replace(
         seen[0].mount, z_m=float(mean[0]), tilt_rad=float(mean[1]), roll_rad=float(mean[2])
     )
+    z_error_m, tilt_error_rad, roll_error_rad = errors.tolist()
     return DepthMount(
-        mount, *(float(error) for error in errors), frames, used,
+        mount, z_error_m, tilt_error_rad, roll_error_rad, frames, used,
         int(np.median([one.points for one in seen])),
         float(np.median([one.share for one in seen])),
     )  # fmt: skip

@@ -7,6 +7,7 @@ Source: design, section 10.
 """
 
 import math
+import sys
 from collections import Counter, deque
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -25,6 +26,7 @@ from hw.registry import DepthSensor
 from hw.runtime.threads import Worker
 
 WAIT_S = 0.3  # for the attitude and the place of a frame: then it is given up
+SWITCH_S = 5e-4  # so long the loop waits, at most, for the thread's Python to let it go on
 STACK_BYTES = 16 << 20  # of the thread: GEOS goes deep
 
 
@@ -64,8 +66,9 @@ class Beside:
     """Done by a thread, while the loop goes on."""
 
     def __init__(self) -> None:
-        self._worker, self._maybe_future = Worker(STACK_BYTES), None
-        self._maybe_future: Future[Seen] | None
+        self._worker = Worker(STACK_BYTES)
+        self._maybe_future: Future[Seen] | None = None
+        sys.setswitchinterval(SWITCH_S)
 
     @property
     def is_idle(self) -> bool:

@@ -13,6 +13,7 @@ from core.mapping.combined import CombinedMaps
 from core.objects.seen import Seen
 from core.objects.told import ToldObjects
 from core.records import FREE, OBJECT_STATIC, OBSTACLE, UNKNOWN, ObjectReport
+from core.summary import describe_robot
 from fakes.scenes.scene import Solid
 from recording.reader import Recording
 from recording.records import SEEN
@@ -178,6 +179,10 @@ def test_only_a_robot_with_a_camera_needs_the_library_of_polygons(tmp_path: Path
         for name in ("blind", "seeing")
     )  # fmt: skip
     assert blind.stdout.endswith("\n0 []\n")
+    assert "depth" not in blind.stdout
+    told = describe_robot(with_camera(), [None])
+    assert "depth     visionary at tcp://192.168.1.10:2122: depth camera by CoLa-2" in told
+    assert "0.7 m above the ground, looking 25 deg down" in told
     assert seeing.stdout == "2 []\n"
     assert seeing.stderr.endswith(
         "seeing: depth.driver: 'visionary' needs the library of polygons, which is not installed: "

@@ -49,6 +49,15 @@ class ScannerOptions(Options, Protocol):
     def spec(self) -> ScannerSpec: ...
 
 
+@runtime_checkable
+class DepthOptions(Options, Protocol):
+    """Those of a depth camera also say how often it tells something."""
+
+    @property
+    def period_s(self) -> float:
+        """From one frame to the next, as it is wanted."""
+
+
 class Scanner(Struct, frozen=True):
     """The range sensor, and where it sits on the body."""
 
@@ -74,7 +83,7 @@ class Depth(Struct, frozen=True):
     mount_roll_deg: Degrees
     mount_tilt_deg: Annotated[float, Meta(ge=-90, le=90)]
     mount_yaw_deg: Degrees
-    options: Options
+    options: DepthOptions
 
 
 class Ahrs(Struct, frozen=True):

@@ -9,7 +9,8 @@ from functools import cache
 
 from tests import ROOT
 
-TOP = {"app", "config_file", "logs", "main", "map_files", "recorder", "version", "wiring"}
+TOP = {"app", "config_file", "logs", "main", "map_files", "perception", "recorder"}
+TOP |= {"version", "wiring"}
 OWN = TOP | {
     "core",
     "jit",

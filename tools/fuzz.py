@@ -142,7 +142,7 @@ def sections() -> dict[str, Any]:
     return {
         "visionary": depth,
         "kinect": KinectOptions([fx, fy], [cx, cy], False, 0.04, 0.075, 1.2, 0.001042, 200),
-        "folder": FolderOptions(30.0),
+        "folder": FolderOptions(1 / 30),
         "lms111": replace(scanner, echo="both"),
         "urg04lx": hokuyo.scanner.options,
         "stripe": replace(camera, image_px=list(IMAGE_PX), **lens),

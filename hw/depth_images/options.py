@@ -34,6 +34,10 @@ class KinectOptions(Struct, frozen=True):
         (fx, fy), (cx, cy) = self.focal_px, self.centre_px
         return Pinhole(KINECT_PX, (fx, fy), (cx, cy), 0.001, False, self.mirrored)
 
+    @property
+    def period_s(self) -> float:
+        return 1.0 / KINECT_HZ
+
     def describe(self) -> str:
         return f"Kinect, {KINECT_PX[0]} x {KINECT_PX[1]} px at {KINECT_HZ:g} frames/s"
 
@@ -41,7 +45,7 @@ class KinectOptions(Struct, frozen=True):
 class FolderOptions(Struct, frozen=True):
     """A folder of depth images; its camera.toml tells the lens."""
 
-    rate_hz: Annotated[float, Meta(ge=0.2, le=120)]  # of its images
+    period_s: Annotated[float, Meta(ge=0.005, le=5)]  # between its images
 
     def describe(self) -> str:
-        return f"a folder of depth images, {self.rate_hz:g} a second"
+        return f"a folder of depth images, one each {1000 * self.period_s:.0f} ms"

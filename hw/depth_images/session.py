@@ -17,7 +17,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from core.records import U16, DepthImage
-from hw.depth_images import options as settings
 from hw.depth_images.folder import CAMERA_KIND, FolderFrames
 from hw.depth_images.kinect import FRAME_BYTES, KinectFrames
 from hw.depth_images.options import FolderOptions, KinectOptions
@@ -122,13 +121,13 @@ class DepthImages(Device[DepthImage]):
 
     Args:
         name: of its driver.
-        rate_hz: of its images.
+        period_s: between its images.
         most_bytes: of one of them.
         latency_s: from the middle of its exposure to its stamp.
     """
 
     def __init__(
-        self, name: str, port: Port, frames: Frames, rate_hz: float, most_bytes: int,
+        self, name: str, port: Port, frames: Frames, period_s: float, most_bytes: int,
         latency_s: float,
     ) -> None:  # fmt: skip
         self._frames, self._latency_s, self._newest = frames, latency_s, Newest()
@@ -138,7 +137,7 @@ class DepthImages(Device[DepthImage]):
         self.is_impaired, self.clock_locked = False, True  # stamps are of our own clock
         self.clock_uncertainty_s = JITTER_S
         status = DeviceStatus(name)
-        patience_s = max(LEAST_SILENCE_S, SILENCE_PERIODS / rate_hz)
+        patience_s = max(LEAST_SILENCE_S, SILENCE_PERIODS * period_s)
 
         def begin() -> Session:
             self._newest.begin()
@@ -150,7 +149,7 @@ class DepthImages(Device[DepthImage]):
             port,
             lambda: PartsParser(most_bytes),
             begin,
-            bytes_per_s=rate_hz * most_bytes,
+            bytes_per_s=most_bytes / period_s,
             piece=PIECE,
         )
 
@@ -228,10 +227,10 @@ class DepthImages(Device[DepthImage]):
 
 def kinect_on(port: Port, options: KinectOptions) -> DepthImages:
     """A Kinect, whose frames a port gives."""
-    frames, rate_hz = KinectFrames(options), settings.KINECT_HZ
-    return DepthImages("kinect", port, frames, rate_hz, FRAME_BYTES, options.latency_s)
+    frames, period_s = KinectFrames(options), options.period_s
+    return DepthImages("kinect", port, frames, period_s, FRAME_BYTES, options.latency_s)
 
 
 def folder_on(port: Port, options: FolderOptions) -> DepthImages:
     """Images of a folder, which a port gives."""
-    return DepthImages("folder", port, FolderFrames(), options.rate_hz, MOST_PNG, 0.0)
+    return DepthImages("folder", port, FolderFrames(), options.period_s, MOST_PNG, 0.0)

@@ -32,7 +32,9 @@ def options_of(**given: Any) -> KinectOptions:
 
 
 def camera_on(port: Any, form: Form) -> DepthImages:
-    return folder_on(port, FolderOptions(30.0)) if form == "png" else kinect_on(port, options_of())
+    return (
+        folder_on(port, FolderOptions(1 / 30)) if form == "png" else kinect_on(port, options_of())
+    )
 
 
 def points_of(image: DepthImage) -> F64:

@@ -32,6 +32,8 @@ def find_wires(config: Config, root: Path) -> Iterator[Finding]:
         yield from _of_port("drive", config.drive.port, root)
     else:
         yield Finding("OK", "drive", "there is none: nothing commands motors")
+    if config.depth is not None and config.has_camera:
+        yield from _of_port("depth", config.depth.port, root)
     yield from of_place(config)
     for url in config.planner.ports:
         yield from _of_port("planner", url, root)

@@ -48,7 +48,7 @@ def test_the_documents_sections_make_a_camera(driver: str, kind: type[Any]) -> N
         ("kinect", "emitter_m", "emiter_m", "emiter_m"),
         ("folder", "folder:///home", "kinect:///0?format=mm#", "depth.port"),
         ("folder", "folder:///home/robot/frames", "fakenect:///x", "only depth.driver = 'kinect'"),
-        ("folder", "rate_hz = 30.0", "rate_hz = 0.0", "from 0.2 to 120, is 0.0"),
+        ("folder", "period_s = 0.033", "period_s = 0.0", "from 0.005 to 5, is 0.0"),
     ],
 )
 def test_what_does_not_fit_is_told_before_any_port_opens(

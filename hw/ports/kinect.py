@@ -21,7 +21,7 @@ from hw.ports.reopening import ReopeningPort
 from hw.ports.url import PortUrl
 from hw.runtime.threads import Worker
 
-LIBRARY = "libfreenect.so.0.5"
+LIBRARY, INDEX = "libfreenect.so.0.5", "INDEX.txt"
 PLAYERS = "usr/lib/*/fakenect"  # of Debian's package, below /
 READER = Path(__file__).with_name("kinect_reader.py")
 PIPE_BYTES, READ_BYTES = 1 << 20, 1 << 18
@@ -85,7 +85,7 @@ def started(url: PortUrl) -> Reader:
     if url.kind == "kinect":
         return Reader([LIBRARY, str(url.number), "raw" if url.is_raw else "mm"], {})
     dump = Path(url.path)
-    (dump / "INDEX.txt").stat()
+    (dump / INDEX).stat()
     players = [str(found / LIBRARY) for found in Path("/").glob(PLAYERS)]
     if not players:
         raise ValueError("a dump needs libfreenect's player: apt install libfreenect0.5")

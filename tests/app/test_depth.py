@@ -71,7 +71,7 @@ def test_floor_and_box_of_the_near_field_are_in_the_planners_map_and_list(
     assert near == pytest.approx(1.6, abs=0.05)
 
 
-def test_what_steps_before_it_stops_the_robot_with_the_first_frame() -> None:
+def test_what_steps_before_it_is_an_obstacle_with_the_first_frame() -> None:
     loop = DepthLoop(hall(), drives=False)
     loop.run(1.0)
     assert state_at(loop, 1.7, 0.1) != OBSTACLE

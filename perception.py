@@ -14,6 +14,7 @@ from concurrent.futures import Future
 from typing import Protocol
 
 import numpy as np
+from msgspec.structs import replace
 
 from core.config import Config
 from core.geometry import R_from_rpy
@@ -152,8 +153,8 @@ class Perception:
         entered = False
         if (seen := self._work.maybe_take()) is not None:
             if self.note is not None:
-                self.note(seen)
-            entered = self._enter(seen)
+                self.note(replace(seen, epoch=seen.epoch - self._epoch))
+            entered = self._enter(seen, self._epoch if self._maybe_look is not None else 0)
         if self._maybe_waiting is not None:
             self._give(now_s, self._maybe_waiting)
         return entered
@@ -186,9 +187,9 @@ class Perception:
         T[:3, 3] = R @ self._t_body_sensor + (x_m, y_m, z_m)
         return T
 
-    def _enter(self, seen: Seen) -> bool:
-        """Use what a frame told; whether it told anything."""
-        if seen.doubt or seen.epoch != self._epoch:
+    def _enter(self, seen: Seen, epoch: int) -> bool:
+        """Use what a frame told, if it is of this epoch; whether it told anything."""
+        if seen.doubt or seen.epoch != epoch:
             self.counts[seen.doubt or "of an erased map"] += 1
             return False
         n = len(seen.ranges_m)
@@ -215,7 +216,7 @@ class Perception:
         self._maybe_look.warm()
         T = np.eye(4)
         T[:3, :3], T[2, 3] = R_from_rpy(0.0, 0.5, 0.0), 0.5
-        self._enter(self._maybe_look.look(made_up_image(0.03), T, self._epoch))
+        self._enter(self._maybe_look.look(made_up_image(0.03), T, self._epoch), self._epoch)
 
 
 def made_up_image(t_s: float) -> DepthImage:

@@ -9,7 +9,9 @@ class Seen(Struct, frozen=True, eq=False):
     """One frame's message. With a doubt it tells nothing, and nothing else of it counts."""
 
     t_s: float  # host monotonic clock, the middle of its exposure
-    epoch: int  # of the map frame in which it was placed
+    # of the map in which it was placed, by how often maps were erased; in a recording less how
+    # often they were when it entered, for a file may begin in the middle of a run
+    epoch: int
     doubt: str  # in a word; "": none
     lens_m: tuple[float, float, float]  # sensor frame: where the rays begin
     directions: F32  # (n, 3) unit vectors, sensor frame

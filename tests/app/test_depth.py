@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from core.objects.told import ToldObjects
 from core.records import FREE, OBJECT_STATIC, OBSTACLE, UNKNOWN, ObjectReport
 from core.summary import describe_robot
 from fakes.scenes.scene import Solid
+from perception import Beside
 from recording.reader import Recording
 from recording.records import SEEN
 from tests import ROOT
@@ -69,7 +71,7 @@ def test_floor_and_box_of_the_near_field_are_in_the_planners_map_and_list(
     assert near == pytest.approx(1.6, abs=0.05)
 
 
-def test_what_steps_before_it_stops_the_robot_with_the_first_frame() -> None:
+def test_what_steps_before_it_is_an_obstacle_with_the_first_frame() -> None:
     loop = DepthLoop(hall(), drives=False)
     loop.run(1.0)
     assert state_at(loop, 1.7, 0.1) != OBSTACLE
@@ -156,6 +158,26 @@ def test_objects_are_told_by_version_and_forgotten_with_the_map() -> None:
     objects.clear()
     assert objects.changes(2).gone == (5,)
     assert objects.looked_s == -np.inf
+
+
+def test_a_frame_that_is_looked_at_beside_the_loop_is_there_once_when_it_is_done() -> None:
+    work, may_end = Beside(), threading.Event()
+    nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros((0, 2), np.int64)
+    told = Seen(1.0, 0, "", (0.0, 0.0, 0.0), *nothing, (), ())
+
+    def look() -> Seen:
+        may_end.wait()
+        return told
+
+    work.give(look)
+    assert not work.is_idle
+    assert work.maybe_take() is None
+    may_end.set()
+    while (seen := work.maybe_take()) is None:
+        pass
+    assert seen is told
+    assert work.is_idle
+    assert work.maybe_take() is None
 
 
 NO_LIBRARY = """

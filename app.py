@@ -6,6 +6,7 @@ It reads no clock and opens no file, so that it runs live, in a replay and in a 
 import math
 from collections.abc import Collection
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,10 +18,14 @@ from core.driving.report import report
 from core.mapping.layers import ON_ASKING, UNITS
 from core.mapping.mapper import Mapper
 from core.mapping.tiles import TileValues
-from core.records import Attitude, ExternalPose, PoseReport, Scan, WheelCounts
+from core.records import Attitude, ExternalPose, PathReport, PoseReport, Scan, WheelCounts
 from hw.device import Port
+from hw.planner_link.objects import ObjectSource
 from logs import LoopCounts, StateLog
 from wiring import Devices, Ports, devices_on, maybe_image, no_ports, planners_on
+
+if TYPE_CHECKING:
+    from perception import FrameWork, Perception
 
 __all__ = ["App", "Ports", "warm_kernels"]
 
@@ -97,6 +102,14 @@ class Plan:
         return min([self.step_s, *self.devices_s])
 
 
+@dataclass(slots=True)
+class VectorSources:
+    """What planners are told of besides the map."""
+
+    objects: ObjectSource | None  # None: there is no depth camera
+    path: PathReport | None = None  # None: nobody plans here
+
+
 class App:
     """Everything that lives for the whole run, made here and nowhere else."""
 
@@ -110,12 +123,20 @@ class App:
         replayed: bool = False,
         version: str = "",
         devices: Devices | None = None,
+        frames: "FrameWork | None" = None,
     ) -> None:
-        """`devices`: others than the settings name, for a replay that has no bytes of them."""
+        """What there is for the whole run.
+
+        Args:
+            devices: others than the settings name, for a replay that has no bytes of them.
+            frames: who looks at frames of the depth camera; None: the app itself, at a tick.
+        """
         self.config, self.ports, self._replayed = config, ports, replayed
         self.devices = devices or devices_on(ports, config)
         self.mapper = Mapper(config)
         self.pilot = Pilot(config, self.mapper)
+        self.perception = maybe_perception(config, self.devices, self.mapper, frames)
+        self.vectors = VectorSources(self.perception.objects if self.perception else None)
         self.planners = planners_on(ports, config, session, key)
         self.tiles = TileValues(self.mapper, config.scanner)
         self.image = maybe_image(config, self.planners, session, version)
@@ -127,7 +148,7 @@ class App:
         self._times = StepTimes(1.0 / config.loop.rate_hz)
         self._scan_stale_s = stale_s(config.scanner.options.spec.period_s)
         self._may_move, self._stops = config.robot.enable_motors, False
-        listened = [device.port for device in self.devices]
+        listened = [device.port for device in self.devices.of_scans]
         is_told = config.motion.source == "external"  # the place, over the planner's ports
         listened += [ports.planner, *ports.receivers] if self._may_move or is_told else []
         self._listened = tuple(listened)
@@ -146,6 +167,8 @@ class App:
         for scan in scans:
             self.mapper.add_scan(scan)
         mapped = self.mapper.settle(now_s) > 0
+        if self.perception is not None:
+            mapped |= self.perception.step(now_s)
         self.planners.poll(now_s)
         poses = self.planners.external_poses.take_all()
         for pose in poses:
@@ -172,7 +195,7 @@ class App:
         self.pilot.look_around(now_s, told, trusted, self.planners.requests.newest)
         self.tiles.now_s, self.tiles.doubt = now_s, 0 if trusted else doubt(told.health)
         window = self.mapper.window(trusted)
-        self.planners.step(now_s, told, window, self.pilot.zone, self.tiles)
+        self.planners.step(now_s, told, window, self.pilot.zone, self.tiles, self.vectors)
         if self.image is not None:
             spread = self.mapper.odometry.covariance
             self.image.publish(
@@ -215,9 +238,9 @@ class App:
     def _hear(self, now_s: float, readable: Collection[Port]) -> bool:
         """Whether that was enough: there is nothing in it that a step must follow."""
         plan, heard, is_held_up, has_news = self.plan, 0, False, False
-        ahrs, _, scanner = self.devices
+        ahrs, _, scanner = self.devices.of_scans
         self._times.turns += 1
-        for k, device in enumerate(self.devices):
+        for k, device in enumerate(self.devices.of_scans):
             is_readable, is_due = device.port in readable, plan.devices_s[k] <= now_s
             heard += is_readable
             if is_readable or is_due:
@@ -238,14 +261,15 @@ class App:
         times, plan, step_s = self._times, self.plan, self._pace.due_s
         if self._may_move:
             step_s = min(step_s, times.looked_s + LOOK_S)
-        devices_s = [device.due_s for device in self.devices]
+        devices_s = [device.due_s for device in self.devices.of_scans]
         hears_s = [-math.inf] * len(self._listened)
         if not self.mapper.waits:  # for the next attitude
-            hears_s[: len(devices_s)] = [device.status.hears_s for device in self.devices]
+            hears_s[: len(devices_s)] = [device.status.hears_s for device in self.devices.of_scans]
         is_worn = times.turns >= TURNS
         opened = [] if is_worn else [port.opened for port in self._listened]
         ports = plan.ports if opened == plan.opened else list(self._listened)[: len(opened)]
-        if is_worn or self._stops or self.planners.backlog or -math.inf in devices_s:
+        is_held_up = self.planners.backlog or -math.inf in devices_s
+        if is_worn or self._stops or is_held_up or self.perception is not None:
             step_s = times.stepped_s + times.period_s
             devices_s = [math.inf if due_s == -math.inf else due_s for due_s in devices_s]
         return Plan(step_s, devices_s, ports, opened, hears_s)
@@ -256,26 +280,40 @@ class App:
         self.devices.drive.stop()
         self.devices.scanner.stop()
         self.devices.ahrs.stop()
+        if self.devices.depth is not None:
+            self.devices.depth.stop()
 
     @property
     def settled(self) -> bool:
         """After `stop`: all devices have taken what they were told; ports may be closed."""
-        return all(device.settled for device in self.devices)
+        return all(device.settled for device in self.devices.every)
 
     def report(self, now_s: float) -> tuple[bool, PoseReport]:
         """Whether free may be told, and the pose and health for the planner."""
+        is_blind = self.perception is not None and self.perception.is_stale(now_s)
         return report(
             self.mapper,
             now_s,
             clocks_locked=self.devices.scanner.clock_locked and self.devices.ahrs.clock_locked,
             overrun=now_s - self._times.overrun_s < OVERRUN_S,
             replayed=self._replayed,
-            impaired=self.devices.scanner.is_impaired,
+            impaired=self.devices.scanner.is_impaired or is_blind,
             stop_asked=self.devices.drive.emergency_stop,
             drop_ahead=self.pilot.drop_ahead,
             stalled=self.pilot.stalled,
             scan_stale_s=self._scan_stale_s,
         )
+
+
+def maybe_perception(
+    config: Config, devices: Devices, mapper: Mapper, frames: "FrameWork | None"
+) -> "Perception | None":
+    """What looks at the depth camera; none where there is none."""
+    if not config.has_camera:
+        return None
+    from perception import AtOnce, Perception  # polygons are for who has such a camera
+
+    return Perception(config, devices.depth, mapper, frames or AtOnce())
 
 
 def warm_kernels(config: Config) -> None:
@@ -298,6 +336,8 @@ def warm_kernels(config: Config) -> None:
     app.mapper.odometry.correct_slip((1.0, 0.0), 0.0)
     app.mapper.attitudes.turn_all(app.mapper.attitudes.orientation.pay_all())
     app.mapper.maps.warm()
+    if app.perception is not None:
+        app.perception.warm()
     for now_s in (0.05, 1.0):
         window_trusted, told = app.report(now_s)
         app.tell(now_s, told, window_trusted)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from core.config import Config, ConfigError, Drivers, config_from_text, config_with, table_from
-from hw.registry import ATTITUDE_SENSORS, DRIVES, SCANNERS
+from hw.registry import ATTITUDE_SENSORS, DEPTH_CAMERAS, DRIVES, SCANNERS
 
 KEY_BYTES = 32
 MOST_BYTES = 1_000_000  # of a settings file: fifty times the longest
@@ -21,6 +21,7 @@ def drivers() -> Drivers:
         "scanner": {name: driver.options for name, driver in SCANNERS.items()},
         "ahrs": {name: driver.options for name, driver in ATTITUDE_SENSORS.items()},
         "drive": {name: driver.options for name, driver in DRIVES.items()},
+        "depth": {name: driver.options for name, driver in DEPTH_CAMERAS.items()},
     }
 
 

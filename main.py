@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
+from typing import TYPE_CHECKING
 
 from app import App, Ports, warm_kernels
 from config_file import load_config, read_key, read_settings, with_changes
@@ -30,6 +31,9 @@ from map_files import MapSaver, load_map
 from recorder import Recorder, started_recorder
 from version import version
 from wiring import modbus_servers, open_ports
+
+if TYPE_CHECKING:
+    from perception import Beside
 
 UNATTENDED = "nobody watches this start: robot.start_clear_m counts as 0; goes without --load-map"
 RECORD = "record the run: a file that ends with .mcap, or a folder that ends with / ([record] path)"
@@ -108,6 +112,15 @@ def settle(app: App, wake_up: WakeUp, notifier: Notifier) -> None:
         LOG.warning("devices_not_settled", waited_s=SETTLE_S)
 
 
+def maybe_beside(config: Config) -> "Beside | None":
+    """The thread that looks at frames of a depth camera; none where there is none."""
+    if not config.has_camera:
+        return None
+    from perception import Beside  # polygons are for who has such a camera
+
+    return Beside()
+
+
 def serve(
     config: Config,
     ports: Ports,
@@ -124,7 +137,10 @@ def serve(
     """
     wanted = Wanted()
     warm_kernels(config)
-    app = App(config, ports, session=secrets.randbits(32), key=key, version=version())
+    app = App(
+        config, ports, session=secrets.randbits(32), key=key, version=version(),
+        frames=maybe_beside(config),
+    )  # fmt: skip
     stepped = recorder.begin(app, key is not None, loaded) if recorder else app
     if loaded is not None:
         loaded_s = time.monotonic()

@@ -29,6 +29,7 @@ from recording.records import (
     FORM,
     READABLE,
     RESTORED,
+    SEEN,
     STEP,
     STOP,
     TURN,
@@ -78,6 +79,10 @@ class RecordedApp:
         ports = (*app.ports.of_devices, app.ports.planner, *app.ports.receivers)
         self._bits = {port: 1 << number for number, port in enumerate(ports)}
         self._ticks, self._stops = 0, False
+        if app.perception is not None:
+            from recording.frames import bytes_from_seen  # for who has a depth camera
+
+            app.perception.note = lambda seen: tap.note(tap.clock(), SEEN, 0, bytes_from_seen(seen))
         if app.image is not None and app.image.drive is not None:
             self._ask, app.image.drive.ask = app.image.drive.ask, self._asked
 
@@ -145,7 +150,7 @@ class Recorder:
             cast(Port, recorded(port, number, self._tap, self._tap.clock))
             for number, (_, port) in enumerate(self._ports)
         )
-        return Ports(scanner, ahrs, drive, planner, tuple(others))
+        return Ports(scanner, ahrs, drive, planner, tuple(others), ports.depth)
 
     def begin(self, app: App, has_key: bool, loaded: Arrays | None) -> App:
         """The app, which tells when it is called.

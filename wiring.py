@@ -2,7 +2,9 @@
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, NamedTuple
 
 from core.config import Config, ConfigError
@@ -11,13 +13,16 @@ from hw.device import NoPort, Port
 from hw.planner_link.receivers import Planners
 from hw.planner_link.sender import LinkSettings, Wire
 from hw.ports.url import CAMERAS
-from hw.ports.wires import PortUrlError, open_port, parse_url
+from hw.ports.wires import PortUrlError, open_port, parse_url, ports_beside
 from hw.registry import (
     ATTITUDE_SENSORS,
+    CAMERA_PORTS,
+    DEPTH_CAMERAS,
     DRIVES,
     SCANNERS,
     AnyDevice,
     AttitudeSensor,
+    DepthSensor,
     Drive,
     Scanner,
     Surroundings,
@@ -26,6 +31,20 @@ from hw.runtime.wakeup import Beside, Nothing
 
 if TYPE_CHECKING:
     from hw.modbus.image import RegisterImage
+
+
+NO_POLYGONS = (
+    "depth.driver: {!r} needs the library of polygons, which is not installed: "
+    "pip install 'mapod[objects]'"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class DepthPorts:
+    """The wires of a depth camera."""
+
+    control: Port
+    open_at: Callable[[int], Port]  # another one of the same host, by its number
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +56,7 @@ class Ports:
     drive: Port
     planner: Port
     receivers: tuple[Port, ...] = ()  # who else gets the map: the rest of `planner.port`
+    depth: DepthPorts | None = None  # None: there is no depth camera, or nobody looks at it
 
     @property
     def of_devices(self) -> tuple[Port, Port, Port]:
@@ -46,6 +66,8 @@ class Ports:
     def close(self) -> None:
         for port in (*self.of_devices, self.planner, *self.receivers):
             port.close()
+        if self.depth is not None:
+            self.depth.control.close()
 
 
 class Devices(NamedTuple):
@@ -54,23 +76,47 @@ class Devices(NamedTuple):
     ahrs: AttitudeSensor
     drive: Drive
     scanner: Scanner
+    depth: DepthSensor | None = None  # None: there is none, or its frames are replayed
+
+    @property
+    def of_scans(self) -> tuple[AttitudeSensor, Drive, Scanner]:
+        """Those that are heard between ticks too: a depth camera is stepped at ticks alone."""
+        return self.ahrs, self.drive, self.scanner
+
+    @property
+    def every(self) -> list[AnyDevice]:
+        """All that there are."""
+        return list(self.by_section.values())
 
     @property
     def by_section(self) -> dict[str, AnyDevice]:
         """By the section of mapod.toml that describes them."""
-        return {"scanner": self.scanner, "ahrs": self.ahrs, "drive": self.drive}
+        found: dict[str, AnyDevice] = {
+            "scanner": self.scanner, "ahrs": self.ahrs, "drive": self.drive,
+        }  # fmt: skip
+        if self.depth is not None:
+            found["depth"] = self.depth
+        return found
 
 
 def no_ports(config: Config) -> Ports:
     nowhere = NoPort()
     others = (nowhere,) * (len(config.planner.ports) - 1)
-    return Ports(nowhere, nowhere, nowhere, nowhere, others)
+    depth = DepthPorts(nowhere, lambda number: nowhere) if config.has_camera else None
+    return Ports(nowhere, nowhere, nowhere, nowhere, others, depth)
 
 
 def check_ports(config: Config) -> None:
-    """ConfigError for a URL that names no port, one for two, or seven bits where all are needed."""
+    """ConfigError for a URL that names no port, one for two, or seven bits where all are needed.
+
+    And for a depth camera, where the library of what it sees lacks.
+    """
+    if config.depth is not None and config.has_camera and find_spec("shapely") is None:
+        raise ConfigError(NO_POLYGONS.format(config.depth.driver))
     given = [("scanner", config.scanner.port), ("ahrs", config.ahrs.port)]
     given += [("drive", config.drive.port)] if config.drive.port else []
+    if config.depth is not None and config.has_camera:
+        given.append(("depth", config.depth.port))
     given += [("planner", url) for url in config.planner.ports]
     given += [("modbus", url) for url in config.modbus.ports]
     lines: dict[str, str] = {}  # by the path of a serial line: whose it is
@@ -79,12 +125,7 @@ def check_ports(config: Config) -> None:
             parts = parse_url(url)
         except PortUrlError as error:
             raise ConfigError(f"{section}.port: {error}") from None
-        if parts.kind in CAMERAS and not (
-            section == "scanner" and config.scanner.driver == "stripe"
-        ):
-            raise ConfigError(
-                f"{section}.port: {url!r} is a camera's: only scanner.driver = 'stripe' reads one"
-            )
+        _check_camera(config, section, url, parts.kind)
         if parts.kind != "serial":
             continue
         if parts.bytesize != 8 and section in ("planner", "modbus"):
@@ -92,6 +133,24 @@ def check_ports(config: Config) -> None:
         if parts.path in lines:
             raise ConfigError(f"{section}.port: {url!r} is {lines[parts.path]}.port already")
         lines[parts.path] = section
+
+
+def _check_camera(config: Config, section: str, url: str, kind: str) -> None:
+    """ConfigError for a camera's port where none is read, or another kind where only such is."""
+    driver = str(getattr(getattr(config, section), "driver", ""))
+    read = CAMERA_PORTS.get((section, driver), ())
+    if kind in CAMERAS and kind not in read:
+        readers = [
+            f"{whose}.driver = {name!r}" for (whose, name), of in CAMERA_PORTS.items() if kind in of
+        ]
+        raise ConfigError(
+            f"{section}.port: {url!r} is a camera's: only {' or '.join(readers)} reads one"
+        )
+    if section == "depth" and read and kind not in read:
+        allowed = " or ".join(f"{one}:///" for one in read)
+        raise ConfigError(
+            f"depth.port: must begin with {allowed} for driver {driver!r}, is {url!r}"
+        )
 
 
 def open_ports(config: Config) -> Ports:
@@ -114,7 +173,18 @@ def open_ports(config: Config) -> Ports:
         opened("drive", config.drive.port) if config.drive.port else NoPort(),
         opened("planner", config.planner.ports[0]),
         tuple(opened("planner", url) for url in config.planner.ports[1:]),
+        _depth_ports(config, opened),
     )
+
+
+def _depth_ports(config: Config, opened: Callable[[str, str], Port]) -> DepthPorts | None:
+    if config.depth is None or not config.has_camera:
+        return None
+    url = config.depth.port
+    control = opened("depth", url)
+    if parse_url(url).kind != "tcp":
+        return DepthPorts(control, lambda number: NoPort())
+    return DepthPorts(control, ports_beside(url))
 
 
 def full_counts_per_s(config: Config) -> float:
@@ -131,10 +201,16 @@ def devices_on(ports: Ports, config: Config) -> Devices:
     def around(url: str) -> Surroundings:
         return Surroundings(url, counts_per_s, may_move)
 
+    depth, wires = config.depth, ports.depth
+    camera = None
+    if depth is not None and config.has_camera and wires is not None:
+        near = Surroundings(depth.port, counts_per_s, may_move, wires.open_at)
+        camera = DEPTH_CAMERAS[depth.driver].make(wires.control, depth.options, near)
     return Devices(
         ATTITUDE_SENSORS[ahrs.driver].make(ports.ahrs, ahrs.options, around(ahrs.port)),
         DRIVES[drive.driver].make(ports.drive, drive.options, around(drive.port)),
         SCANNERS[scanner.driver].make(ports.scanner, scanner.options, around(scanner.port)),
+        camera,
     )
 
 

@@ -10,20 +10,21 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import msgspec
 from msgspec import Meta, Struct
 
 from core.allowed import LONGEST_SHOWN, allowed, shown
 from core.map_settings import Certainty, Ground, Map, Obstacle, ShadowFilter
+from core.object_settings import FrameSettings, ObjectMapSettings
 from core.records import ScannerSpec
+from core.run_settings import Log, Loop, Modbus, Motion, Planner, Port, Record, Robot
 
-Hz = Annotated[float, Meta(gt=0, le=1000)]
 Degrees = Annotated[float, Meta(ge=-180, le=180)]
 Offset = Annotated[float, Meta(ge=-5, le=5)]
-Port = Annotated[str, Meta(min_length=1)]
 NO_DRIVE = "none"  # the driver of [drive] where nothing commands motors or counts wheels
+NO_CAMERA = "none"  # that of [depth] where there is no depth camera
 
 Keys = Mapping[str, Any]
 Drivers = Mapping[str, Mapping[str, type[Struct]]]  # by section and driver: its own keys
@@ -31,34 +32,6 @@ Drivers = Mapping[str, Mapping[str, type[Struct]]]  # by section and driver: its
 
 class ConfigError(Exception):
     """A setting that can't be used; the text names the key, what was given and what is allowed."""
-
-
-class Loop(Struct, frozen=True, forbid_unknown_fields=True):
-    """The fixed rate of the one loop."""
-
-    rate_hz: Annotated[float, Meta(ge=10, le=1000)]
-
-
-class Robot(Struct, frozen=True, forbid_unknown_fields=True):
-    """Wheels, limits of motion, and the ground that the body covers."""
-
-    wheel_radius_m: Annotated[float, Meta(ge=0.01, le=2)]
-    encoder_ppr: Annotated[int, Meta(ge=1, le=100_000)]
-    gear_ratio: Annotated[float, Meta(ge=0.01, le=1000)]
-    track_width_m: Annotated[float, Meta(ge=0.05, le=5)]
-    max_speed_mps: Annotated[float, Meta(ge=0.01, le=20)]
-    max_turn_radps: Annotated[float, Meta(ge=0.01, le=20)]
-    max_accel_mps2: Annotated[float, Meta(ge=0.01, le=20)]
-    max_turn_accel_radps2: Annotated[float, Meta(ge=0.01, le=100)]
-    brake_mps2: Annotated[float, Meta(ge=0.01, le=20)]
-    front_m: Annotated[float, Meta(ge=0, le=5)]
-    rear_m: Annotated[float, Meta(ge=0, le=5)]
-    width_m: Annotated[float, Meta(ge=0.05, le=5)]
-    height_m: Annotated[float, Meta(ge=0.05, le=10)]
-    stop_margin_m: Annotated[float, Meta(ge=0, le=2)]
-    unknown_stops: bool
-    start_clear_m: Annotated[float, Meta(ge=0, le=20)]
-    enable_motors: bool
 
 
 @runtime_checkable
@@ -76,6 +49,15 @@ class ScannerOptions(Options, Protocol):
     def spec(self) -> ScannerSpec: ...
 
 
+@runtime_checkable
+class DepthOptions(Options, Protocol):
+    """Those of a depth camera also say how often it tells something."""
+
+    @property
+    def period_s(self) -> float:
+        """From one frame to the next, as it is wanted."""
+
+
 class Scanner(Struct, frozen=True):
     """The range sensor, and where it sits on the body."""
 
@@ -90,6 +72,20 @@ class Scanner(Struct, frozen=True):
     options: ScannerOptions
 
 
+class Depth(Struct, frozen=True):
+    """The depth camera, and where it sits on the body."""
+
+    driver: str
+    port: str  # "" where there is none
+    mount_x_m: Offset
+    mount_y_m: Offset
+    mount_z_m: Annotated[float, Meta(gt=0, le=5)]
+    mount_roll_deg: Degrees
+    mount_tilt_deg: Annotated[float, Meta(ge=-90, le=90)]
+    mount_yaw_deg: Degrees
+    options: DepthOptions
+
+
 class Ahrs(Struct, frozen=True):
     """The attitude sensor, and how its case is turned on the body."""
 
@@ -101,12 +97,6 @@ class Ahrs(Struct, frozen=True):
     options: Options
 
 
-class Motion(Struct, frozen=True, forbid_unknown_fields=True):
-    """What tells where the body is."""
-
-    source: Literal["wheels", "external", "rail"]
-
-
 class Drive(Struct, frozen=True):
     """The motor controller, of which the encoder counters are read, and which moves the wheels."""
 
@@ -114,50 +104,6 @@ class Drive(Struct, frozen=True):
     port: str  # "" where there is none
     full_power_mps: Annotated[float, Meta(ge=0.01, le=20)]
     options: Options
-
-
-class Planner(Struct, frozen=True, forbid_unknown_fields=True):
-    """The wires to the planner and whoever else wants the map: one, or a list of them."""
-
-    port: Port | Annotated[list[Port], Meta(min_length=1, max_length=8)]
-    rate_hz: Annotated[float, Meta(ge=1, le=100)]
-    push: bool
-    key_file: str
-
-    @property
-    def ports(self) -> list[str]:
-        return [self.port] if isinstance(self.port, str) else self.port
-
-
-class Modbus(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where the register image is served: one port, or a list of them; "" is off."""
-
-    port: str | Annotated[list[Port], Meta(max_length=8)]
-    unit: Annotated[int, Meta(ge=1, le=238)]
-    allow_drive: bool
-
-    @property
-    def ports(self) -> list[str]:
-        given = [self.port] if isinstance(self.port, str) else self.port
-        return [url for url in given if url]
-
-
-class Log(Struct, frozen=True, forbid_unknown_fields=True):
-    """What is logged, and how."""
-
-    level: Literal["debug", "info", "warning", "error"]
-    format: Literal["console", "json"]
-
-
-class Record(Struct, frozen=True, forbid_unknown_fields=True):
-    """What is recorded of a run, and where; "" is off."""
-
-    path: str
-    rate_hz: Annotated[float, Meta(ge=0.1, le=20)]
-    max_mb: Annotated[float, Meta(ge=1, le=10_000_000)]
-    file_mb: Annotated[float, Meta(ge=1, le=10_000)]
-    flight: str
-    flight_keep: Annotated[int, Meta(ge=1, le=1000)]
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True):
@@ -178,6 +124,14 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     log: Log
     certainty: Certainty | None = None  # None: not in the file, and not the method
     shadow_filter: ShadowFilter | None = None  # likewise
+    depth: Depth | None = None  # None: not in the file, so there is no camera
+    objects: FrameSettings | None = None  # None: not in the file, and there is no camera
+    object_map: ObjectMapSettings | None = None  # likewise
+
+    @property
+    def has_camera(self) -> bool:
+        """Whether a depth camera is looked at."""
+        return self.depth is not None and self.depth.driver != NO_CAMERA
 
 
 def config_from_text(text: str, drivers: Drivers) -> Config:
@@ -290,12 +244,22 @@ def _fields(kind: type[Struct]) -> dict[str, Any]:
 def _sections(table: dict[str, Any]) -> dict[str, Any]:
     """Those that a file has or must have; of a method's own sections, if it names that method."""
     own = {"certainty": Certainty, "shadow_filter": ShadowFilter}
-    sections, keys = {**_fields(Config), **own}, table.get("map")
-    method = keys.get("method") if isinstance(keys, dict) else None
-    for name in own:
-        if name not in table and method != "certainty":
-            del sections[name]
+    of_camera = {"objects": FrameSettings, "object_map": ObjectMapSettings}
+    sections = {**_fields(Config), **own, "depth": Depth, **of_camera}
+    left_out = {"depth"}
+    if _given(table, "map", "method") != "certainty":
+        left_out |= own.keys()
+    if _given(table, "depth", "driver") in (None, NO_CAMERA):
+        left_out |= of_camera.keys()
+    for name in left_out - table.keys():
+        del sections[name]
     return sections
+
+
+def _given(table: dict[str, Any], section: str, key: str) -> Any:
+    """What a table says there, though nothing of it is checked yet."""
+    keys = table.get(section)
+    return keys.get(key) if isinstance(keys, dict) else None
 
 
 def _check_keys(table: dict[str, Any], drivers: Drivers) -> None:
@@ -388,6 +352,10 @@ def _check_paths(config: Config) -> None:
 def _check_together(config: Config) -> None:
     """What only two keys together can break."""
     _check_motion(config)
+    if config.depth is not None and (config.depth.driver == NO_CAMERA) != (not config.depth.port):
+        allowed = '""' if config.depth.port else "a text that is not empty"
+        driver, port = config.depth.driver, config.depth.port
+        raise ConfigError(f"depth.port: must be {allowed} with driver {driver!r}, is {port!r}")
     spec = config.scanner.options.spec
     if config.obstacle.window_cells > config.map.cells:
         raise ConfigError(

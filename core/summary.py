@@ -33,6 +33,7 @@ def describe_robot(config: Config, line_bauds: list[int | None]) -> str:
         f"{abs(scanner.mount_tilt_deg):g} deg {'down' if scanner.mount_tilt_deg >= 0 else 'up'}",
         *(f"          {line}" for line in _describe_ground(config)),
         f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.options.describe()}",
+        *_describe_depth(config),
         *_describe_motion(config),
         "motors    " + "\n          ".join(_describe_motors(config)),
         f"map       method {config.map.method}, {cells} x {cells} cells of "
@@ -44,6 +45,18 @@ def describe_robot(config: Config, line_bauds: list[int | None]) -> str:
         lines += _describe_link(config, url, baud)
     lines += [f"modbus    {url}" for url in config.modbus.ports]
     return "\n".join(lines)
+
+
+def _describe_depth(config: Config) -> list[str]:
+    """Where a depth camera looks; nothing where there is none."""
+    depth = config.depth
+    if depth is None or not config.has_camera:
+        return []
+    tilt, down = abs(depth.mount_tilt_deg), "down" if depth.mount_tilt_deg >= 0 else "up"
+    return [
+        f"depth     {depth.driver} at {depth.port}: {depth.options.describe()}",
+        f"          {depth.mount_z_m:g} m above the ground, looking {tilt:g} deg {down}",
+    ]
 
 
 def _describe_motion(config: Config) -> list[str]:

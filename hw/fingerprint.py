@@ -40,6 +40,8 @@ OWN = {
     "urg04lx": {"scip"},
     "stripe": {"http"},
     "visionary": {"cola-b"},
+    "kinect": set(NAMES),  # of a port of this machine nobody else can be at the other end
+    "folder": set(NAMES),
     "mti": {"mt"},
     "ax3500": {"roboteq", "echo"},
 }

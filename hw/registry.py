@@ -8,17 +8,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-from core.records import Attitude, PointSweep, Scan, WheelCounts
+from core.records import Attitude, DepthImage, PointSweep, Scan, WheelCounts
 from hw.ax3500.session import Ax3500, Ax3500Options
-from hw.device import DeviceStatus, Port
+from hw.depth_images.options import FolderOptions, KinectOptions
+from hw.device import DeviceStatus, NoPort, Port
 from hw.lms1xx.options import Lms1xxOptions
 from hw.lms1xx.session import Lms111
 from hw.mti.session import Mti, MtiOptions
+from hw.no_depth.options import NoDepthOptions
 from hw.no_drive.session import NoDrive, NoDriveOptions
 from hw.ports.url import parse_url
 from hw.stripe.options import StripeOptions
 from hw.urg04lx.options import Urg04lxOptions
 from hw.urg04lx.session import Urg04lx
+from hw.visionary.options import VisionaryOptions
 
 MTI_BAUD = 115_200  # its own, where the port has none (tcp)
 
@@ -110,6 +113,17 @@ class Drive(AnyDevice, Protocol):
         """Whether it is pressed."""
 
 
+class DepthSensor(Clocked, Protocol):
+    """What measures a depth at each pixel of an image. It is stepped at every tick."""
+
+    def step(self, now_s: float) -> Sequence[DepthImage]:
+        """The newest image since the last step, or none."""
+
+    @property
+    def doubt(self) -> str:
+        """Why what it sees is not to be believed though images come; "" if all is well."""
+
+
 @dataclass(frozen=True, slots=True)
 class Surroundings:
     """What a driver may want to know beside its own options."""
@@ -117,6 +131,7 @@ class Surroundings:
     url: str  # of its port
     max_counts_per_s: float  # of a wheel's encoder, at the robot's greatest speed
     enable_motors: bool
+    open_at: Callable[[int], Port] | None = None  # a port of the same host by its number
 
 
 Made = TypeVar("Made", bound=AnyDevice, covariant=True)
@@ -149,6 +164,28 @@ def _ax3500(port: Port, options: Ax3500Options, around: Surroundings) -> Ax3500:
     return Ax3500(port, options, max_counts_per_s=speed, enable_motors=enable)
 
 
+def _visionary(port: Port, options: VisionaryOptions, around: Surroundings) -> DepthSensor:
+    from hw.visionary.camera import Visionary  # kernels and images: for who has a depth camera
+
+    return Visionary(port, options, around.open_at or (lambda number: NoPort()))
+
+
+def _kinect(port: Port, options: KinectOptions, around: Surroundings) -> DepthSensor:
+    from hw.depth_images.session import kinect_on  # likewise
+
+    return kinect_on(port, options)
+
+
+def _folder(port: Port, options: FolderOptions, around: Surroundings) -> DepthSensor:
+    from hw.depth_images.session import folder_on  # likewise
+
+    return folder_on(port, options)
+
+
+def _no_depth(port: Port, options: NoDepthOptions, around: Surroundings) -> DepthSensor:
+    raise ValueError("where there is no depth camera none is made")
+
+
 SCANNERS: dict[str, Driver[Scanner]] = {
     "lms111": Driver(Lms1xxOptions, lambda port, options, around: Lms111(port, options)),
     "urg04lx": Driver(Urg04lxOptions, _urg04lx),
@@ -158,4 +195,15 @@ ATTITUDE_SENSORS: dict[str, Driver[AttitudeSensor]] = {"mti": Driver(MtiOptions,
 DRIVES: dict[str, Driver[Drive]] = {
     "ax3500": Driver(Ax3500Options, _ax3500),
     "none": Driver(NoDriveOptions, lambda port, options, around: NoDrive(port)),
+}
+DEPTH_CAMERAS: dict[str, Driver[DepthSensor]] = {
+    "none": Driver(NoDepthOptions, _no_depth),
+    "visionary": Driver(VisionaryOptions, _visionary),
+    "kinect": Driver(KinectOptions, _kinect),
+    "folder": Driver(FolderOptions, _folder),
+}
+CAMERA_PORTS = {  # what carries images alone, by the section and the driver that reads it
+    ("scanner", "stripe"): ("v4l2", "folder"),
+    ("depth", "kinect"): ("kinect", "fakenect"),
+    ("depth", "folder"): ("folder",),
 }

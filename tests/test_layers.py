@@ -9,7 +9,8 @@ from functools import cache
 
 from tests import ROOT
 
-TOP = {"app", "config_file", "logs", "main", "map_files", "recorder", "version", "wiring"}
+TOP = {"app", "config_file", "logs", "main", "map_files", "perception", "recorder"}
+TOP |= {"version", "wiring"}
 OWN = TOP | {
     "core",
     "jit",
@@ -43,7 +44,7 @@ LIBRARIES = {
 POLYGONS = ("core.objects", "core.paths")
 CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}
 VOCABULARY = {"core.records", "core.config", "core.geometry"}
-DEVICES = ("lms1xx", "urg04lx", "stripe", "visionary", "mti", "ax3500")
+DEVICES = ("lms1xx", "urg04lx", "stripe", "visionary", "depth_images", "kinect", "mti", "ax3500")
 OF_AN_LMS = re.compile(
     r"lms1|lms_?\d|1081|contamin|cola|dialect|angular_step|scan_rate|first_deg|last_deg"
 )

@@ -8,6 +8,7 @@ Source: design, sections 2, 4 and 7.
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from core.config import Config
 from core.mapping import layers
@@ -21,6 +22,9 @@ from core.motion.odometry import Odometry
 from core.motion.pose_track import PoseTrack
 from core.motion.track import Pose, Track
 from core.records import F64, I64, Attitude, ObstacleMap, PointSweep, Scan, WheelCounts
+
+if TYPE_CHECKING:
+    from core.mapping.combined import CombinedMaps
 
 WAIT_S = 0.08  # a scan's longest wait: five lost attitude samples and a burst of 16 ms
 WAITING = 4  # scans; fewer than the scanner codec has slots
@@ -53,6 +57,15 @@ def _maps_of(config: Config) -> Maps:
     return SurfaceMaps(config)
 
 
+def _maybe_combined(config: Config, scanned: Maps) -> "CombinedMaps | None":
+    """With the map of a depth camera, where there is one."""
+    if not config.has_camera:
+        return None
+    from core.mapping.combined import CombinedMaps
+
+    return CombinedMaps(config, scanned)
+
+
 class Mapper:
     """Attitude, odometry and the maps of one run, by the method that the settings name."""
 
@@ -77,7 +90,9 @@ class Mapper:
                 robot.track_width_m,
                 on_rail=config.motion.source == "rail",
             )
-        self.maps = _maps_of(config)
+        self.scanned = _maps_of(config)  # of the scanner alone
+        self._maybe_combined = _maybe_combined(config, self.scanned)
+        self.maps: Maps = self._maybe_combined or self.scanned
         self._shadows = ShadowFilter(config)
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run
@@ -159,6 +174,23 @@ class Mapper:
         )
         self.newest_scan_s, self.newest_scan = last_s, scan
         self.counts.scans_added += 1
+
+    def add_frame(self, sweep: PointSweep, standing: I64) -> bool:
+        """Map what a frame of the depth camera shows; False: nobody knows where it was taken.
+
+        Args:
+            standing: (k, 2) world cells in which it shows something that bars the way.
+        """
+        first_s, last_s = span_s(sweep)
+        is_placed = self.attitudes.reaches(first_s, last_s)
+        is_placed = is_placed and self.odometry.covers(first_s, last_s)
+        if self._maybe_combined is None or not is_placed:
+            return False
+        roll_rad, pitch_rad, _ = self.attitudes.rpy_at(last_s)
+        if max(abs(roll_rad), abs(pitch_rad)) > MAX_SLOPE_RAD:
+            return False
+        self._maybe_combined.add_frame(sweep, standing, self.attitudes, self.odometry)
+        return True
 
     def erase(self) -> None:
         """Forget both maps: nothing in them can be placed any more."""

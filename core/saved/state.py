@@ -43,7 +43,7 @@ def state_of(mapper: Mapper, config: Config, now_s: float) -> Arrays:
     if pose is None:
         raise StateError("the robot's pose is not known now")
     _, _, z_m, travel_m = mapper.odometry.place_at(now_s)
-    maps, method = mapper.maps, config.map.method
+    maps, method = mapper.scanned, config.map.method
     arrays: Arrays = {
         "format": np.array(FORMAT),
         "version": np.array(VERSION, dtype=np.int64),
@@ -84,7 +84,7 @@ def restore(mapper: Mapper, arrays: Arrays, config: Config, now_s: float) -> Non
     check_state(arrays, config)
     x_m, y_m, z_m, yaw_rad = (float(part) for part in arrays["pose"])
     mapper.go_on_from(np.array([x_m, y_m, z_m]), yaw_rad, float(arrays["travel_m"]))
-    maps, method = mapper.maps, config.map.method
+    maps, method = mapper.scanned, config.map.method
     if method == "surface":
         into_surface(cast("SurfaceMaps", maps), arrays, now_s)
     elif method == "reference_plane":

@@ -1,8 +1,9 @@
-"""A folder of JPEG images with times, sent as a web camera would, each at its time.
+"""A folder of images with times, sent as a web camera would, each at its time: JPEG, or depths.
 
 `times.csv` names them: `file,t_s` in each line, without a heading, times in seconds and in order.
 The first image comes as soon as the stream is asked for, the others so much later than it as their
-times say. Once all are sent the port is closed, and stays so. A thread reads the files.
+times say. A camera.toml, where there is one, goes before them. Once all are sent the port is
+closed, and stays so. A thread reads the files.
 """
 
 import contextlib
@@ -12,7 +13,6 @@ import math
 import os
 import select
 from concurrent.futures import Future
-from functools import partial
 from pathlib import Path
 
 from hw.ports.parts import DAMAGED, HEAD, Request, part
@@ -20,7 +20,8 @@ from hw.ports.reopening import ReopeningPort
 from hw.ports.url import PortUrl
 from hw.runtime.threads import Worker
 
-TIMES = "times.csv"
+TIMES, CAMERA = "times.csv", "camera.toml"
+CAMERA_KIND, MOST_CAMERA = "application/toml", 4096
 MOST_BYTES = 512 * 1024 * 1024  # of all images: they are kept in memory
 CLOCK_MONOTONIC, TIMER_ABSTIME = 1, 1
 TIMER_FLAGS = os.O_NONBLOCK | os.O_CLOEXEC
@@ -59,6 +60,16 @@ def images_of(folder: Path) -> Images:
     return images
 
 
+def maybe_camera_of(folder: Path) -> bytes:
+    """What is said of the lens; b"": nothing. Raises OSError, ValueError: it can't be read."""
+    path = folder / CAMERA
+    if not path.exists():
+        return b""
+    if (size := path.stat().st_size) > MOST_CAMERA:
+        raise ValueError(f"{CAMERA} must be of {MOST_CAMERA} bytes or fewer, is of {size}")
+    return path.read_bytes()
+
+
 class Timer:
     """A descriptor, readable from an instant of the monotonic clock on. timerfd_create(2)."""
 
@@ -89,8 +100,9 @@ class FolderPort(ReopeningPort):
     def __init__(self, url: PortUrl) -> None:
         super().__init__(url.path)
         self._path, self._worker = Path(url.path), Worker()
-        self._opening: Future[Images] | None = None  # under way
+        self._opening: Future[tuple[bytes, Images]] | None = None  # under way
         self._images: Images = []
+        self._camera = b""
         self._next = 0  # of them
         self._begun_s = math.nan  # when the first one was due
         self._timer: Timer | None = None  # while open
@@ -101,14 +113,18 @@ class FolderPort(ReopeningPort):
 
     def _try_open(self) -> bool:
         if self._opening is None:
-            self._opening = self._worker.submit(partial(images_of, self._path))
+            self._opening = self._worker.submit(self._read_all)
         if not self._opening.done():
             return False
         opening, self._opening = self._opening, None
-        self._images, self._next, self._begun_s = opening.result(), 0, math.nan
+        self._camera, self._images = opening.result()
+        self._next, self._begun_s = 0, math.nan
         self._timer = Timer()
         self._request.begin()
         return True
+
+    def _read_all(self) -> tuple[bytes, Images]:
+        return maybe_camera_of(self._path), images_of(self._path)
 
     def _due_s(self) -> float:
         return self._begun_s + self._images[self._next][0]
@@ -117,6 +133,8 @@ class FolderPort(ReopeningPort):
         assert self._timer is not None
         if self._owes_head:
             pieces.append(HEAD)
+            if self._camera:
+                pieces.append(part(self._camera, None, CAMERA_KIND))
             self._owes_head, self._begun_s = False, self._now_s
         if math.isnan(self._begun_s):
             return

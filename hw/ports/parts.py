@@ -8,9 +8,15 @@ DAMAGED = b"damaged"  # instead of an image: no JPEG, and counted as such
 REQUEST_END = b"\r\n\r\n"
 
 
-def part(image: bytes, stamp_us: int | None) -> bytes:
-    """One image, with its time in microseconds of the camera's clock; None: not known."""
+def part(image: bytes, stamp_us: int | None, kind: str = "") -> bytes:
+    """One image, with its time in microseconds of the camera's clock; None: not known.
+
+    Args:
+        kind: what it is, where the bytes themselves do not tell.
+    """
     told = f"--{BOUNDARY}\r\nContent-Length: {len(image)}\r\n"
+    if kind:
+        told += f"Content-Type: {kind}\r\n"
     if stamp_us is not None:
         told += f"X-Timestamp: {stamp_us // 1_000_000}.{stamp_us % 1_000_000:06d}\r\n"
     return f"{told}\r\n".encode() + image + b"\r\n"

@@ -8,18 +8,22 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 ALLOWED = (
     "allowed are tcp://host:port, udp://host:port, "
     "serial:///path?baud=9600&parity=N|E|O&bytesize=7|8&stopbits=1|2, and for a camera "
-    "v4l2:///path?width=640&height=480&rate=30&exposure_us=2000 and folder:///path"
+    "v4l2:///path?width=640&height=480&rate=30&exposure_us=2000 and folder:///path, and for a "
+    "Kinect kinect:///NUMBER?format=mm|raw and fakenect:///path"
 )
 EXAMPLES = {
     "serial": "serial:///dev/ttyS0",
     "v4l2": "v4l2:///dev/video0",
     "folder": "folder:///tmp/images",
+    "kinect": "kinect:///0?format=mm",
+    "fakenect": "fakenect:///tmp/dump",
 }
 BAUDS = range(50, 4_000_001)
 LINE_VALUES = {"parity": ("N", "E", "O"), "bytesize": ("8", "7"), "stopbits": ("1", "2")}
 CAMERA_VALUES = {"width": range(32, 4097), "height": range(32, 4097), "rate": range(1, 121)}
 EXPOSURES_US = range(100, 1_000_001)
-CAMERAS = ("v4l2", "folder")  # kinds that carry images alone
+KINECTS, FORMATS = range(8), ("mm", "raw")
+CAMERAS = ("v4l2", "folder", "kinect", "fakenect")  # kinds that carry images alone
 DEFAULTS = {key: values[0] for key, values in LINE_VALUES.items()}
 
 
@@ -31,7 +35,7 @@ class PortUrlError(Exception):
 class PortUrl:
     """What a URL says: host and port of tcp and udp, then what is serial's, then a camera's."""
 
-    kind: Literal["tcp", "udp", "serial", "v4l2", "folder"]
+    kind: Literal["tcp", "udp", "serial", "v4l2", "folder", "kinect", "fakenect"]
     host: str = ""
     port: int = 0
     path: str = ""
@@ -42,6 +46,8 @@ class PortUrl:
     size: tuple[int, int] = (0, 0)  # width and height of its images
     rate_hz: int = 0
     exposure_us: int | None = None  # None: as the camera likes
+    number: int = 0  # of a Kinect
+    is_raw: bool = False  # its depths are raw values, not millimetres
 
 
 def parse_url(url: str) -> PortUrl:
@@ -70,10 +76,12 @@ def parse_url(url: str) -> PortUrl:
             return _parse_serial(url, _path(url, parts), _given(url, parts.query))
         case "v4l2":
             return _parse_camera(url, _path(url, parts), _given(url, parts.query))
-        case "folder":
+        case "folder" | "fakenect" as kind:
             if parts.query:
                 raise PortUrlError(f"{url!r}: nothing may follow the path; {ALLOWED}")
-            return PortUrl("folder", path=_path(url, parts))
+            return PortUrl(kind, path=_path(url, parts), is_raw=kind == "fakenect")
+        case "kinect":
+            return _parse_kinect(url, _path(url, parts), _given(url, parts.query))
         case scheme:
             raise PortUrlError(f"{url!r}: no such kind of port {scheme!r}; {ALLOWED}")
 
@@ -146,3 +154,18 @@ def _parse_camera(url: str, path: str, given: dict[str, str]) -> PortUrl:
     return PortUrl(
         "v4l2", path=path, size=(width, height), rate_hz=rate_hz, exposure_us=exposure_us
     )
+
+
+def _parse_kinect(url: str, path: str, given: dict[str, str]) -> PortUrl:
+    if unknown := sorted(given.keys() - {"format"}):
+        raise PortUrlError(f"{url!r}: unknown key {unknown[0]!r}; {ALLOWED}")
+    if not re.fullmatch(r"/[0-7]", path, re.ASCII):
+        allowed = f"{KINECTS[0]}..{KINECTS[-1]}"
+        raise PortUrlError(
+            f"{url!r}: the camera's number must be within {allowed}, is {path[1:]!r}"
+        )
+    form = given.get("format", "")
+    if form not in FORMATS:
+        is_given = f"is {form!r}" if form else "is missing"
+        raise PortUrlError(f"{url!r}: format must be {' or '.join(FORMATS)}, {is_given}")
+    return PortUrl("kinect", path=path, number=int(path[1:]), is_raw=form == "raw")

@@ -5,6 +5,7 @@
 For a camera on this machine, and for images of one, in the form of a web camera's answer:
 
     v4l2:///dev/video0?width=640&height=480&rate=30&exposure_us=2000    folder:///path
+    kinect:///0?format=mm    fakenect:///path
 
 A host's name is looked up once, in open_port, before the loop runs; nothing after it waits.
 Time is what poll() is told. Source: Modbus sheet, section 6, for serial lines and ptys.
@@ -52,6 +53,10 @@ def open_port(url: str) -> Port:
             from hw.ports.folder import FolderPort
 
             return FolderPort(parts)
+        case "kinect" | "fakenect":
+            from hw.ports.kinect import KinectPort
+
+            return KinectPort(parts)
         case "tcp":
             return TcpPort(parts, _address(url, parts))
         case "udp":

@@ -66,7 +66,9 @@ class Worker:
     It is started by the first call, and ends with the process, whatever it waits for.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, stack_bytes: int = STACK_BYTES) -> None:
+        """`stack_bytes`: of the thread, all of it in memory where that is locked."""
+        self._stack_bytes = stack_bytes
         self._calls: queue.SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None] = (
             queue.SimpleQueue()
         )
@@ -78,7 +80,7 @@ class Worker:
         self._calls.put((future, call))
         if not self._is_started:
             self._is_started = True
-            before = threading.stack_size(STACK_BYTES)
+            before = threading.stack_size(self._stack_bytes)
             threading.Thread(target=self._run, daemon=True).start()
             threading.stack_size(before)
         return future

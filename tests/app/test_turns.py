@@ -52,7 +52,7 @@ def test_all_is_heard_and_mapped_though_only_what_is_due_or_readable_is_looked_a
     app, pairs_s, ticks = live.app, set[float](), live.app.loop.ticks
     added, dropped = app.mapper.counts.scans_added, app.mapper.counts.scans_dropped
     live.run(1.0, lambda: pairs_s.add(app.mapper.delivered_counts_s))
-    assert [device.status.state for device in app.devices] == ["running"] * 3
+    assert [device.status.state for device in app.devices.of_scans] == ["running"] * 3
     assert app.mapper.counts.scans_added - added == pytest.approx(25, abs=1)
     assert (app.mapper.counts.scans_dropped, app.mapper.odometry.breaks) == (dropped, 0)
     assert len(pairs_s) == pytest.approx(20, abs=2)

@@ -86,6 +86,23 @@ def test_a_list_of_numbers_that_is_too_short_is_told() -> None:
     assert error_of(short) == "scanner.correction: must be a list of 4 numbers, is [0.0]"
 
 
+def test_what_a_depth_camera_sees_is_set_where_there_is_one() -> None:
+    own = {
+        "control": "cola_2", "period_s": 0.05, "level": "none", "password": "",
+        "min_confidence": 6554, "latency_s": 0.03,
+    }  # fmt: skip
+    camera = {**TABLE["depth"], "driver": "visionary", "port": "tcp://192.168.1.10:2122", **own}
+    of_camera = "depth", "objects", "object_map"
+    blind = {section: keys for section, keys in TABLE.items() if section not in of_camera}
+    assert not load_config(toml_from(blind)).has_camera
+    assert load_config(toml_from({**TABLE, "depth": camera})).has_camera
+    told = error_of(toml_from({**blind, "depth": camera}))
+    assert "objects.voxel_m: missing" in told
+    assert "object_map.cell_m: missing" in told
+    told = error_of(toml_from({**TABLE, "depth": {**camera, "port": ""}}))
+    assert told == "depth.port: must be a text that is not empty with driver 'visionary', is ''"
+
+
 @pytest.mark.parametrize(
     ("section", "key", "value", "told"),
     [
@@ -111,6 +128,10 @@ def test_a_list_of_numbers_that_is_too_short_is_told() -> None:
         ("map", "cell_m", float("nan"), "from 0.005 to 1, is nan"),
         ("map", "cell_m", 0.0333, "whole millimetres"),
         ("map", "cell_m", 0.004, "from 0.005 to 1, is 0.004"),
+        ("depth", "driver", "eye", "'none' or 'visionary' or 'kinect' or 'folder', is 'eye'"),
+        ("depth", "port", "tcp://a:1", "must be \"\" with driver 'none', is 'tcp://a:1'"),
+        ("objects", "voxel_m", 0.0, "from 0.005 to 0.2, is 0.0"),
+        ("object_map", "confirm_frames", 1, "from 2 to 100, is 1"),
         ("certainty", "free_from", 51, "at most certainty.most = 50, is 51"),
         ("obstacle", "soft_free_below_m", 0.3, "two echoes of a beam"),
         ("obstacle", "h_neg_m", 0.1, "is 0.1"),

@@ -53,6 +53,22 @@ def test_the_harness_itself_feeds_frames_junk_and_time(codec: str) -> None:
     run_program(codec, program + instruction(FRAMED, b"sAN SetAccessMode \x01"))
 
 
+@pytest.mark.parametrize(
+    ("codec", "least"),
+    [
+        ("visionary", {"conversation": 1, "frames": 7}),
+        ("kinect", {"conversation": 0, "frames": 8}),
+        ("folder", {"conversation": 20, "middle": 0}),
+    ],
+)
+def test_depth_cameras_measure_in_their_seeds(
+    codec: str, least: dict[str, int], tmp_path: Path
+) -> None:
+    write_seeds(codec, tmp_path)
+    for name, count in least.items():
+        assert run_program(codec, (tmp_path / name).read_bytes()) >= count
+
+
 def test_the_camera_measures_in_its_seed_and_by_framed_images(tmp_path: Path) -> None:
     pytest.importorskip(NEEDS["stripe"])
     write_seeds("stripe", tmp_path)

@@ -29,7 +29,7 @@ def assert_plays_the_same(path: Path, loop: RecordedLoop) -> set[bytes]:
     assert check.is_identical, check.describe()
     assert check.played_bytes == len(loop.sent) > 1000
     assert player.app.mapper.counts == loop.app.mapper.counts
-    for mine, its in zip(loop.app.devices, player.app.devices, strict=True):
+    for mine, its in zip(loop.app.devices.every, player.app.devices.every, strict=True):
         assert (mine.status.state, mine.status.losses) == (its.status.state, its.status.losses)
     return kinds
 

@@ -1,7 +1,8 @@
 """Where the scanner sits, from flat floor.
 
 `mapod calibrate range`: how far off its ranges are; `mapod calibrate camera`: a camera's lens, from
-pictures of a chessboard; `mapod calibrate stripe`: where a laser's plane lies to its camera.
+pictures of a chessboard; `mapod calibrate stripe`: where a laser's plane lies to its camera;
+`mapod calibrate depth`: where a depth camera sits, from flat floor.
 
 Reads the scanner and the attitude sensor of mapod.toml for a while, and estimates the lens's height
 and the scanner's tilt and roll from what is floor. It moves nothing: turn the robot on the spot, or
@@ -28,7 +29,7 @@ from tools.calibration.mount import (
     reads_m,
 )
 from tools.calibration.noted import with_note
-from tools.cli import calibrate_camera, calibrate_range, calibrate_stripe
+from tools.cli import calibrate_camera, calibrate_depth, calibrate_range, calibrate_stripe
 from tools.cli.options import fail, number_in, parser_of, settings_text
 from tools.settings import NotThereError, rewrite, with_values
 from tools.terminal.progress import advancing
@@ -39,6 +40,7 @@ OTHERS = {
     "range": calibrate_range.main,
     "camera": calibrate_camera.main,
     "stripe": calibrate_stripe.main,
+    "depth": calibrate_depth.main,
 }
 AHEAD_M, ASIDE_M = 8.0, 4.0  # where the effect is told
 

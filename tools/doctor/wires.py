@@ -3,6 +3,7 @@
 No byte is sent. A TCP connection is opened and closed, to devices only.
 """
 
+import ctypes
 import grp
 import os
 import socket
@@ -14,6 +15,7 @@ from pathlib import Path
 from core.config import Config
 from core.driving.control import links_refusal
 from hw.ports.folder import images_of
+from hw.ports.kinect import INDEX, LIBRARY
 from hw.ports.url import PortUrl, parse_url
 from hw.ports.v4l2 import KERNEL, Kernel, fault_of_camera
 from tools.doctor.finding import Finding
@@ -32,6 +34,8 @@ def find_wires(config: Config, root: Path) -> Iterator[Finding]:
         yield from _of_port("drive", config.drive.port, root)
     else:
         yield Finding("OK", "drive", "there is none: nothing commands motors")
+    if config.depth is not None and config.has_camera:
+        yield from _of_port("depth", config.depth.port, root)
     yield from of_place(config)
     for url in config.planner.ports:
         yield from _of_port("planner", url, root)
@@ -61,6 +65,8 @@ def _of_port(section: str, url: str, root: Path) -> Iterator[Finding]:
         yield of_camera(section, parts.path, KERNEL)
     elif parts.kind == "folder":
         yield of_folder(section, parts.path)
+    elif parts.kind in ("kinect", "fakenect"):
+        yield of_kinect(section, parts)
     else:
         yield of_host(section, parts)
         if section == "scanner" and (path := find_path(section, parts, root)):
@@ -113,6 +119,19 @@ def of_folder(section: str, path: str) -> Finding:
         return Finding("warning", section, f"{path}: {error}", advice)
     says = f"{path} has {len(images)} images over {images[-1][0]:.1f} s; no camera is read"
     return Finding("OK", section, says)
+
+
+def of_kinect(section: str, parts: PortUrl) -> Finding:
+    """Whether the library is there that reads one, and a dump if one is to be played."""
+    try:
+        ctypes.CDLL(LIBRARY)
+    except OSError as error:
+        return Finding("fault", section, f"libfreenect: {error}", "apt install libfreenect0.5")
+    if parts.kind == "fakenect" and not (Path(parts.path) / INDEX).is_file():
+        advice = "docs/protocols/kinect.md tells what a dump has"
+        return Finding("warning", section, f"{parts.path} has no {INDEX}", advice)
+    what = f"the dump {parts.path}" if parts.kind == "fakenect" else f"Kinect {parts.number}"
+    return Finding("OK", section, f"{LIBRARY} is there; only a start opens {what}")
 
 
 def group_name(number: int) -> str:

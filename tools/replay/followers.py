@@ -60,13 +60,14 @@ class Follower:
 
 def leads_of(devices: Devices) -> Devices:
     """The same devices, which somebody may follow."""
-    return Devices(*(cast(Any, Lead(device)) for device in devices))
+    return Devices(*(cast(Any, Lead(device)) for device in devices.of_scans))
 
 
 def followers(leads: Devices, own: Devices, lead_config: Config, config: Config) -> Devices:
     """Of an app with other settings: `own` where a device's own keys are others."""
     chosen = {}
-    for name, lead, mine in zip(Devices._fields, leads, own, strict=True):
+    names = "ahrs", "drive", "scanner"
+    for name, lead, mine in zip(names, leads.of_scans, own.of_scans, strict=True):
         its, keys = getattr(lead_config, name), getattr(config, name)
         is_same = (its.driver, its.options) == (keys.driver, keys.options)
         chosen[name] = cast(Any, Follower(cast(Any, lead), mine.port) if is_same else mine)

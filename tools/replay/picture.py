@@ -9,8 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from core.config import Robot
 from core.records import U8
+from core.run_settings import Robot
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from tools.replay.moment import Moment
 

@@ -17,6 +17,8 @@ from config_file import load_config
 from core.config import Config
 from core.saved.encoding import StateError, arrays_from_bytes
 from core.saved.state import restore
+from perception import Replayed
+from recording.frames import seen_from_bytes
 from recording.reader import Recording
 from recording.records import (
     ASK,
@@ -26,6 +28,7 @@ from recording.records import (
     OUT,
     READ_ENDED,
     RESTORED,
+    SEEN,
     STEP,
     STOP,
     TURN,
@@ -78,10 +81,11 @@ class Player:
         planners = self._ports[DEVICES : DEVICES + len(self.config.planner.ports)]
         scanner, ahrs, drive = self._ports[:DEVICES]
         ports = Ports(scanner, ahrs, drive, planners[0], tuple(planners[1:]))
-        devices, session = self._devices(ports), recording.session
+        devices, self._seen = self._devices(ports), Replayed()
         self.app = App(
-            self.config, ports, session=session, key=key, replayed=replayed, devices=devices
-        )
+            self.config, ports, session=recording.session, key=key, replayed=replayed,
+            devices=devices, frames=self._seen,
+        )  # fmt: skip
         self.checks = checks_of(planners)
         self.now_s, self.done = 0.0, False
         self.lead_cpu_s = 0.0  # of the app beside it
@@ -176,6 +180,8 @@ class Player:
                 ports[number].ends_read()
             elif kind == CHANGED:
                 ports[number].becomes(became_from_bytes(record.data))
+            elif kind == SEEN:
+                self._seen.waiting.append(seen_from_bytes(record.data))
         return None
 
     def _do(self, call: Record) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from hw.depth_images.parts import Part, PartsParser
 from hw.ports.folder import FolderPort, Timer
 from hw.ports.wires import open_port
 from hw.stripe.mjpeg import Event, Jpeg, MjpegParser, StreamBegun, encode_request
@@ -51,6 +52,22 @@ def test_each_image_comes_at_its_time_once(tmp_path: Path) -> None:
     assert port.cause == f"all 3 images of {tmp_path} are sent"
     assert not port.poll(begun_s + 100.0)
     assert port.fileno() == -1
+    port.close()
+
+
+def test_what_is_said_of_the_lens_comes_first(tmp_path: Path) -> None:
+    (tmp_path / "camera.toml").write_text("said of the lens")
+    port = folder_of(tmp_path, "0.jpg,0\n")
+    port.write(encode_request("camera", "/"))
+    port.poll(START_S)
+    events = PartsParser(100).feed(START_S, b"".join(port.read()))
+    told = [(one.data, one.kind, one.stamp_s) for one in events if isinstance(one, Part)]
+    lens = b"said of the lens", "application/toml", None
+    assert told == [lens, (IMAGES[0], "", START_S)]
+    port.close()
+    (tmp_path / "camera.toml").write_bytes(b" " * 5000)
+    port = folder_of(tmp_path, "0.jpg,0\n")
+    assert "camera.toml must be of 4096 bytes or fewer, is of 5000" in port.cause
     port.close()
 
 

@@ -43,6 +43,12 @@ from hw.ports.url import PortUrlError, parse_url
         ("v4l2://dev/video0", "as in v4l2:///dev/video0"),
         ("folder://images", "as in folder:///tmp/images"),
         ("folder:///images?loop=1", "nothing may follow the path"),
+        ("fakenect:///dump?loop=1", "nothing may follow the path"),
+        ("kinect:///0", "format must be mm or raw, is missing"),
+        ("kinect:///0?format=m", "format must be mm or raw, is 'm'"),
+        ("kinect:///8?format=mm", "the camera's number must be within 0..7, is '8'"),
+        ("kinect:///0?format=mm&rate=30", "unknown key 'rate'"),
+        ("kinect://0", "as in kinect:///0?format=mm"),
     ],
 )
 def test_a_url_that_means_nothing_says_what_is_allowed(url: str, part: str) -> None:

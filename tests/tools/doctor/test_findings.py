@@ -285,3 +285,16 @@ def test_a_robot_without_a_drive_and_who_could_tell_its_place() -> None:
     assert told["motion"].level == "OK"
     [fault] = wires.of_place(with_changes(cart, planner={"port": "udp://10.0.0.2:9750"}))
     assert (fault.level, "takes a key" in fault.says) == ("fault", True)
+
+
+def test_a_kinects_library_and_a_dump_are_looked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(wires, "LIBRARY", "libnowhere.so.1")
+    lacks = wires.of_kinect("depth", parse_url("kinect:///0?format=mm"))
+    assert (lacks.level, lacks.advice) == ("fault", "apt install libfreenect0.5")
+    monkeypatch.setattr(wires, "LIBRARY", "libc.so.6")  # any that is there
+    dump = parse_url(f"fakenect://{tmp_path}")
+    assert wires.of_kinect("depth", dump).says == f"{tmp_path} has no INDEX.txt"
+    (tmp_path / "INDEX.txt").touch()
+    assert wires.of_kinect("depth", dump).level == "OK"

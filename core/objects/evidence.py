@@ -1,0 +1,107 @@
+"""What of a frame's pixels the obstacle map gets: some rays, and the points that bar the way.
+
+An image is parted into blocks, and each gives one ray at most: to the nearest pixel of a thing,
+else to one of a pit, else to one of the floor. So no thing falls between the rays that are kept.
+A pixel that is flying, too high or no measurement gives none.
+Source: design, section 10; docs/objects.md, section 2.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from core.objects.frame.floor import Floor
+from core.objects.frame.pixels import FLOOR, PIT, THING
+from core.objects.frame.room import Room
+from core.records import F32, F64, U8
+from jit import kernel, releasing_kernel
+
+SEVERAL = 2  # pixels of a block that must agree, where it has more than one
+
+
+class Evidence(NamedTuple):
+    """Of one frame, sensor frame."""
+
+    directions: F32  # (n, 3) unit vectors
+    ranges_m: F32  # (n,)
+    standing_m: F64  # (k, 3) from the lens: of things that bar the way, the nearest of each block
+
+
+@kernel
+def _rise(units: F32, i: int, j: int, up: tuple[float, float, float]) -> float:
+    """By how much a pixel's ray rises in a metre."""
+    return float(up[0] * units[0, i, j] + up[1] * units[1, i, j] + up[2] * units[2, i, j])
+
+
+@releasing_kernel
+def _gather(
+    units: F32, ranges: F32, kinds: U8, up: tuple[float, float, float], lens_m: float, edge: int,
+    bars: tuple[float, float], rays: F32, standing: F64,
+) -> tuple[int, int]:  # fmt: skip
+    """Fills rays (n, 4), direction and range, and standing (n, 3); returns how many of each.
+
+    Args:
+        up: unit vector, sensor frame, and `lens_m` over the floor.
+        edge: of a block, pixels.
+        bars: from one height above the floor to another a thing bars the way.
+    """
+    rows, columns = ranges.shape
+    least = SEVERAL if edge > 1 else 1
+    count = points = 0
+    for i in range(0, rows, edge):
+        for j in range(0, columns, edge):
+            things = pits = tall = 0
+            thing = pit = ground = high = -1  # flat: nearest, last, in the middle, nearest tall one
+            near_m, tall_m, off = np.float32(math.inf), np.float32(math.inf), 4 * edge
+            for a in range(i, min(i + edge, rows)):
+                for b in range(j, min(j + edge, columns)):
+                    here, kind, r = a * columns + b, kinds[a, b], ranges[a, b]
+                    if kind == THING:
+                        things += 1
+                        if r < near_m:
+                            near_m, thing = r, here
+                        if bars[0] <= lens_m + r * _rise(units, a, b, up) <= bars[1]:
+                            tall += 1
+                            if r < tall_m:
+                                tall_m, high = r, here
+                    elif kind == PIT:
+                        pits += 1
+                        pit = here
+                    elif kind == FLOOR:
+                        away = abs(2 * (a - i) + 1 - edge) + abs(2 * (b - j) + 1 - edge)
+                        if away < off:
+                            off, ground = away, here
+            best = thing if things >= least else (pit if pits >= least else ground)
+            if best >= 0 and count < rays.shape[0]:
+                a, b = best // columns, best % columns
+                for n in range(3):
+                    rays[count, n] = units[n, a, b]
+                rays[count, 3] = ranges[a, b]
+                count += 1
+            if tall >= least and points < standing.shape[0]:
+                a, b = high // columns, high % columns
+                for n in range(3):
+                    standing[points, n] = ranges[a, b] * units[n, a, b]
+                points += 1
+    return count, points
+
+
+def evidence_of(room: Room, seen: Floor, most_rays: int, bars_m: tuple[float, float]) -> Evidence:
+    """Of the newest frame, whose pixels are sorted.
+
+    Args:
+        seen: its floor.
+        bars_m: from one height above the floor to another a thing bars the way.
+    """
+    rows, columns = room.ranges.shape
+    edge = max(1, math.ceil(math.sqrt(rows * columns / most_rays)))
+    while math.ceil(rows / edge) * math.ceil(columns / edge) > most_rays:
+        edge += 1
+    rays, standing = np.empty((most_rays, 4), np.float32), np.empty((most_rays, 3))
+    x, y, z = seen.normal_sensor.tolist()
+    count, points = _gather(
+        room.units, room.ranges, room.kinds, (x, y, z), float(seen.height_m), edge, bars_m, rays,
+        standing,
+    )  # fmt: skip
+    return Evidence(rays[:count, :3].copy(), rays[:count, 3].copy(), standing[:points].copy())

@@ -1,0 +1,145 @@
+"""A frame of the camera, looked at: floor and things for the obstacle map, objects for the planner.
+
+It is the work that is done beside the loop: it keeps the map of objects, and gives for each frame a
+message that is the same whenever it is read. It reads no clock.
+Source: design, section 10; docs/objects.md, docs/object-map.md.
+"""
+
+import math
+
+import numpy as np
+from msgspec import Struct
+
+from core.object_settings import FrameSettings, ObjectMapSettings
+from core.objects.evidence import evidence_of
+from core.objects.frame.steps import CameraPose, FrameSteps
+from core.objects.records import Floats
+from core.objects.seen import Seen
+from core.objects.vector_map.mapped import MapObject, box_of
+from core.objects.vector_map.newcomers import Obstacle
+from core.objects.vector_map.object_map import ObjectMap
+from core.objects.vector_map.warm import warm_object_map
+from core.records import (
+    F64,
+    I64,
+    OBJECT_MOVED,
+    OBJECT_MOVING,
+    OBJECT_STATIC,
+    DepthImage,
+    ObjectReport,
+)
+
+SIGMA_HEIGHT_M, SIGMA_TILT_RAD = 0.03, 0.02  # of the lens over the floor, as a pose predicts it
+NEW, MOVES = 0.5, 1.0  # confidence in what no map holds yet, and in what was followed as it moved
+KINDS = {"static": OBJECT_STATIC, "moved": OBJECT_MOVED}
+NO_CELLS: I64 = np.zeros((0, 2), np.int64)
+NOTHING = (0.0, 0.0, 0.0), np.zeros((0, 3), np.float32), np.zeros(0, np.float32), NO_CELLS
+
+
+class Ground(Struct, frozen=True):
+    """What the obstacle map asks of a frame."""
+
+    cell_m: float
+    bars_m: tuple[float, float]  # from one height above the floor to another a thing bars the way
+    most_rays: int
+
+
+class FrameLook:
+    """Looks at frames, one after the other."""
+
+    def __init__(self, settings: FrameSettings, of_map: ObjectMapSettings, ground: Ground) -> None:
+        self._steps, self._of_map, self._ground = FrameSteps(settings), of_map, ground
+        self._sigmas = of_map.pose_sigma_m, math.radians(of_map.pose_sigma_deg)
+        self._epoch, self._before_s = 0, -math.inf
+        self._first = (0, 0)  # so many ids of objects and of obstacles earlier maps have used
+        self._highest = [0, 0]
+        self._begin()
+
+    def _begin(self) -> None:
+        """A new map of objects: nothing of the old one can be placed any more."""
+        self._objects, self._version = ObjectMap(self._of_map), 0
+        self._newcomers: tuple[int, ...] = ()  # ids that were told of the frame before
+        self._first = self._highest[0], self._highest[1]
+
+    def look(self, image: DepthImage, T_map_sensor: F64, epoch: int) -> Seen:
+        """What an image tells.
+
+        Args:
+            T_map_sensor: (4, 4) at its instant.
+            epoch: of the map frame; with another one all objects begin anew.
+        """
+        if epoch != self._epoch:
+            self._epoch = epoch
+            self._begin()
+        pose = CameraPose(
+            T_map_sensor, SIGMA_HEIGHT_M, SIGMA_TILT_RAD, SIGMA_TILT_RAD, *self._sigmas
+        )
+        result = self._steps.find(image, pose, self._walls())
+        is_older = not image.t_s > self._before_s
+        if result.doubt or result.floor is None or is_older:
+            doubt = "an older frame" if is_older else result.doubt or "no floor"
+            return Seen(image.t_s, epoch, doubt, *NOTHING, (), ())
+        self._before_s = image.t_s
+        found = evidence_of(
+            self._steps.room, result.floor, self._ground.most_rays, self._ground.bars_m
+        )
+        if len(found.ranges_m) == 0:
+            return Seen(image.t_s, epoch, "no floor", *NOTHING, (), ())
+        R, t = T_map_sensor[:3, :3], T_map_sensor[:3, 3]
+        places = (found.standing_m + np.array(image.camera.offset_m)) @ R.T + t
+        cells = np.floor(places[:, :2] / self._ground.cell_m).astype(np.int64)
+        standing = np.unique(cells, axis=0) if len(cells) else NO_CELLS
+        obstacles = self._objects.update(result.objects).obstacles
+        changed, gone = self._changes(obstacles)
+        rays = found.directions, found.ranges_m
+        return Seen(image.t_s, epoch, "", image.camera.offset_m, *rays, standing, changed, gone)
+
+    def _walls(self) -> Floats:
+        """(n, 4) m, those of the map."""
+        known = [wall.segments for wall in self._objects.walls.records()]
+        return np.vstack(known) if known else np.zeros((0, 4))
+
+    def _changes(
+        self, obstacles: tuple[Obstacle, ...]
+    ) -> tuple[tuple[ObjectReport, ...], tuple[int, ...]]:
+        """Of objects since the frame before, and of all that is not in the map."""
+        news = self._objects.changes_since(self._version)
+        self._version = news.version
+        changed = [
+            self._of_object(one)
+            for shape in news.changed
+            if shape.kind == "object"
+            for one in self._objects.near(box_of(shape.corners_mm / 1000.0))[0]
+            if one.id == shape.id
+        ]
+        changed += [self._of_obstacle(one) for one in obstacles]
+        now = tuple(self._id(1, one.id) for one in obstacles)
+        gone = [self._id(0, number) for number in news.deleted]
+        gone += [number for number in self._newcomers if number not in now]
+        self._newcomers = now
+        return tuple(changed), tuple(gone)
+
+    def _id(self, which: int, number: int) -> int:
+        """One for all: objects have even ones, obstacles odd ones; never that of another map."""
+        whole = self._first[which] + number
+        self._highest[which] = max(self._highest[which], whole)
+        return 2 * whole + which
+
+    def _of_object(self, one: MapObject) -> ObjectReport:
+        return ObjectReport(
+            self._id(0, one.id), KINDS[one.kind], one.polygon, one.bottom_m, one.top_m,
+            (0.0, 0.0), one.confidence, one.last_seen_s,
+        )  # fmt: skip
+
+    def _of_obstacle(self, one: Obstacle) -> ObjectReport:
+        velocity = one.velocity_mps if one.is_moving and one.velocity_mps else (0.0, 0.0)
+        kind, sure = (OBJECT_MOVING, MOVES) if one.is_moving else (OBJECT_STATIC, NEW)
+        return ObjectReport(
+            self._id(1, one.id), kind, one.polygon, one.bottom_m, one.top_m, velocity, sure,
+            one.last_seen_s,
+        )  # fmt: skip
+
+    def warm(self) -> None:
+        """Run every kernel once, so that none is compiled while a robot drives."""
+        self._steps.warm()
+        warm_object_map(self._of_map)

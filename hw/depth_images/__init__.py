@@ -1,0 +1,1 @@
+"""Depth cameras whose images come whole: a Kinect of this machine, and a folder of images."""

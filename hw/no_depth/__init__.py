@@ -1,0 +1,1 @@
+"""No depth camera: driver "none" of [depth]."""

@@ -1,0 +1,1 @@
+"""Tests of `hw/depth_images`."""

@@ -104,7 +104,7 @@ def on_known(
 
 @kernel
 def _goes_on(walls: F64, k: int, end: Two, u: Two, within_m: float) -> bool:
-    """Whether another wall continues the line of wall k beyond that end: an opening lies between."""
+    """Whether another wall goes on along this line beyond an end: an opening lies between."""
     for j in range(walls.shape[0]):
         ax, ay, bx, by = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
         ax, ay, bx, by = ax - end[0], ay - end[1], bx - end[0], by - end[1]
@@ -148,7 +148,7 @@ def grow(
     voxels: Voxels, count: int, walls: F64, offset: F64, within_m: float,
     noise: tuple[float, float, float], gaps_m: F64, used: I32, bins: I32,
 ) -> None:  # fmt: skip
-    """Lengthen walls, in place, as far as points go on: a map knows of a wall what it has seen.
+    """Lengthen walls (n, 4), in place, as far as points go on: a map has of a wall what was seen.
 
     What stands out of the line ends it: a person in a door is no wall. But not where `used` has
     another wall's points: a corner. Where the line goes on as another wall, it does not grow.

@@ -196,7 +196,7 @@ def _smoothed(ranges: F32, i: int, j: int, limits: Limits) -> float:
     off than noise explains is none of this surface.
     """
     rows, columns = ranges.shape
-    r = ranges[i, j]
+    r: float = ranges[i, j]
     most = PAIR_SIGMAS * sigma_m(r, limits.noise_m, limits.noise_per_m2)
     total, count = r, 1.0
     for k in range(len(PAIRS)):

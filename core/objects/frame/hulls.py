@@ -20,6 +20,7 @@ from core.records import F32, F64
 from jit import kernel, releasing_kernel
 
 FULL = 0.8  # of a convex hull's area is covered: it is the shape
+POLYGON = 3  # GEOS's number of that type
 SAME_M2 = 1e-8  # twice the area of a triangle whose corners are on one line
 
 
@@ -170,13 +171,17 @@ def polygons_of(to: Rings, clusters: int, thin_m: float, within_m: float) -> lis
         kept = ~is_thin[number]
         closed = shapely.linearrings(points[kept], indices=place[number[kept]])
         shapes[whole] = shapely.polygons(closed)
-    for c in np.flatnonzero(is_thin).tolist():
-        rim = shapely.multipoints(points[to.begin[c] : to.begin[c + 1]])
+    if len(whole) < clusters:
+        place, kept = np.cumsum(is_thin) - 1, is_thin[number]
+        rims = shapely.multipoints(points[kept], indices=place[number[kept]])
         wide = shapely.buffer(
-            shapely.convex_hull(rim), 0.5 * thin_m, cap_style="square", join_style="mitre"
+            shapely.convex_hull(rims), 0.5 * thin_m, cap_style="square", join_style="mitre"
         )
-        shapes[c] = shapely.convex_hull(wide)
-    fewer = shapely.simplify(shapes, within_m, preserve_topology=True)
+        shapes[is_thin] = shapely.convex_hull(wide)
+    fewer = shapely.simplify(shapes, within_m, preserve_topology=False)
+    broken = ~shapely.is_valid(fewer) | (shapely.get_type_id(fewer) != POLYGON)
+    broken |= shapely.get_num_coordinates(fewer) < 4
+    fewer[broken] = shapely.simplify(shapes[broken], within_m, preserve_topology=True)
     bad = ~shapely.is_valid(fewer) | (shapely.area(fewer) <= 0.0)
     fewer[bad] = shapely.convex_hull(shapes[bad])
     corners, of = shapely.get_coordinates(shapely.orient_polygons(fewer), return_index=True)

@@ -20,6 +20,8 @@ from jit import kernel, releasing_kernel
 I32 = npt.NDArray[np.int32]
 
 NOTHING, FLOOR, THING, PIT, FLYING, HIGH = 0, 1, 2, 3, 4, 5  # what a pixel is
+PAIRS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2))  # rows, columns: to both sides
+PAIR_SIGMAS = 3.0 * 1.5**0.5  # of the mean of two ranges against a third
 FAN_COLUMNS = 2  # every second column of pixels is enough for the fan
 
 
@@ -168,8 +170,10 @@ def classify(
             if kind == THING:
                 share = _share(i, j, ranges[i, j], limits.dense_m)
                 if share > 0:
-                    points.x[things], points.y[things] = row[3, j], row[4, j]
-                    points.z[things], points.pixels[things] = z, share
+                    r = _smoothed(ranges, i, j, limits)
+                    points.x[things], points.y[things] = r * row[0, j], r * row[1, j]
+                    points.z[things] = limits.lens_m + r * row[2, j]
+                    points.pixels[things] = share
                     things += 1
             if row[2, j] < 0.0 and (kind == PIT or j % FAN_COLUMNS == 0):
                 s = -limits.lens_m / row[2, j]  # where it should have met the floor
@@ -181,6 +185,28 @@ def classify(
                 if j % FAN_COLUMNS == 0:
                     _count(x, y, z, kind, fan)
     points.found[0], points.found[1] = things, pits
+
+
+@kernel
+def _smoothed(ranges: F32, i: int, j: int, limits: Limits) -> float:
+    """The mean of a range and of those around it that lie on one surface with it.
+
+    Neighbours count in pairs, one on each side: the mean of a pair lies on any plane, however it
+    is turned, and at the rim of a thing only pairs along the rim do. A pair whose mean is further
+    off than noise explains is none of this surface.
+    """
+    rows, columns = ranges.shape
+    r: float = ranges[i, j]
+    most = PAIR_SIGMAS * sigma_m(r, limits.noise_m, limits.noise_per_m2)
+    total, count = r, 1.0
+    for k in range(len(PAIRS)):
+        di, dj = PAIRS[k]
+        if i < di or i + di >= rows or j < abs(dj) or j + abs(dj) >= columns:
+            continue
+        a, b = ranges[i - di, j - dj], ranges[i + di, j + dj]
+        if a > 0.0 and b > 0.0 and abs(0.5 * (a + b) - r) <= most:
+            total, count = total + a + b, count + 2.0
+    return total / count
 
 
 @kernel

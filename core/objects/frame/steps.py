@@ -188,7 +188,7 @@ class FrameSteps:
         view.add_things(room.voxels, count, room.fan)
         room.used[:count] = 0
         correction, known = self._known(room, count, level, pose, known_walls, noise)
-        segments = np.vstack([known, self._new_walls(room, count)])
+        segments = np.vstack([known, self._new_walls(room, count, noise)])
         found = self._clusters(room, (0, 1, things), count, noise)
         pits, last = int(room.points.found[1]), room.points.x.size - 1
         room.points.pixels[last - pits + 1 :] = 1
@@ -223,10 +223,11 @@ class FrameSteps:
         turn = _turn(level.yaw_rad)
         ends = (np.asarray(known_walls, np.float64).reshape(-1, 2) - level.lens[:2]) @ turn
         sigmas = float(pose.sigma_xy_m), float(pose.sigma_yaw_rad)
-        walls = ends.reshape(-1, 4)
+        walls, gaps_m = ends.reshape(-1, 4), self._gaps_at(room, ends, noise[2])
         offset, C, points = wall_lines.refound(
-            room.voxels, count, walls, sigmas, self._settings.wall_m, noise, room.used
-        )
+            room.voxels, count, walls, sigmas, self._settings.wall_m, noise, gaps_m.reshape(-1, 2),
+            room.used, room.bins,
+        )  # fmt: skip
         if points == 0:
             return None, np.zeros((0, 4))
         segments = wall_lines.stretches(room.voxels, count, walls, offset, room.used)
@@ -235,7 +236,12 @@ class FrameSteps:
         x_m, y_m, yaw_rad = (whole @ offset).tolist()
         return Correction(x_m, y_m, yaw_rad, whole @ C @ whole.T, points), segments
 
-    def _new_walls(self, room: Room, count: int) -> Floats:
+    def _gaps_at(self, room: Room, places: F64, lens_m: float) -> F64:
+        """How far apart two points of one surface may lie at places (n, 2), level frame: (n,) m."""
+        ranges_m = np.sqrt(np.square(places).sum(axis=1) + lens_m * lens_m)
+        return voxels.apart_m(ranges_m, self._settings, max(room.across_rad, room.down_rad))
+
+    def _new_walls(self, room: Room, count: int, noise: tuple[float, float, float]) -> Floats:
         """Long upright planes among the voxels that are left: segments (n, 4), level frame."""
         settings, found = self._settings, list[Floats]()
         room.labels[:count] = np.where(room.used[:count] != 0, voxels.NONE, 0)
@@ -260,7 +266,23 @@ class FrameSteps:
                 room.voxels.x, room.voxels.y, count, room.line, settings.wall_m, room.used
             )
             wall_lines.take(x, y, n, room.line, settings.wall_m, taken)
-        return np.array(found).reshape(-1, 4)
+        return self._grown(room, count, np.array(found).reshape(-1, 4), noise)
+
+    def _grown(
+        self, room: Room, count: int, walls: Floats, noise: tuple[float, float, float]
+    ) -> Floats:
+        """New walls as far as they go on, also where too little of their height is seen."""
+        gaps_m = self._gaps_at(room, walls.reshape(-1, 2), noise[2]).reshape(-1, 2)
+        wall_lines.grow(
+            room.voxels, count, walls, np.zeros(3), self._settings.wall_m, noise, gaps_m,
+            room.used, room.bins,
+        )  # fmt: skip
+        for wall in walls:
+            room.line[:] = wall_lines.line_of(wall)
+            wall_lines.take(
+                room.voxels.x, room.voxels.y, count, room.line, self._settings.wall_m, room.used
+            )
+        return walls
 
     def _clusters(
         self, room: Room, where: tuple[int, int, int], count: int,

@@ -21,7 +21,7 @@ from core.objects.frame.pixels import I32, sigma_m
 from core.objects.frame.voxels import Voxels
 from core.objects.records import Floats
 from core.records import F32, F64
-from jit import releasing_kernel
+from jit import kernel, releasing_kernel
 
 TRIES = 200  # lines tried for one wall
 MOST_WALLS = 6  # new ones of a frame
@@ -30,6 +30,8 @@ SHORT_M = 0.1  # shorter stretches of a known wall are not told,
 STRAIGHT_M = 1.0  # and of shorter ones no slope: noise would turn them
 ROUNDS = 4
 BINS = 256  # along a wall
+Two = tuple[float, float]
+ON, OUT = 1, 2  # bits of a bin: points on the line, points that stand out of it
 
 
 class Correction(NamedTuple):
@@ -100,11 +102,88 @@ def on_known(
     return found
 
 
+@kernel
+def _goes_on(walls: F64, k: int, end: Two, u: Two, within_m: float) -> bool:
+    """Whether another wall goes on along this line beyond an end: an opening lies between."""
+    for j in range(walls.shape[0]):
+        ax, ay, bx, by = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
+        ax, ay, bx, by = ax - end[0], ay - end[1], bx - end[0], by - end[1]
+        is_aside = abs(u[0] * ay - u[1] * ax) > within_m or abs(u[0] * by - u[1] * bx) > within_m
+        if j != k and not is_aside and min(u[0] * ax + u[1] * ay, u[0] * bx + u[1] * by) > 0.0:
+            return True
+    return False
+
+
+@kernel
+def _reach(
+    voxels: Voxels, count: int, end: Two, u: Two, offset: F64, within_m: float,
+    noise: tuple[float, float, float], gap_m: float, used: I32, bins: I32,
+) -> float:  # fmt: skip
+    """How far points go on beyond an end, m: until a gap, or until something stands out."""
+    bins[:] = 0
+    for v in range(count):
+        x, y, z = voxels.x[v], voxels.y[v], voxels.z[v] - noise[2]
+        dx = x + offset[0] - offset[2] * y - end[0]
+        dy = y + offset[1] + offset[2] * x - end[1]
+        along, e = u[0] * dx + u[1] * dy, abs(u[0] * dy - u[1] * dx)
+        gate = within_m + GATE * sigma_m(math.sqrt(x * x + y * y + z * z), noise[0], noise[1])
+        at = int(2.0 * along / gap_m)
+        if along < 0.0 or at >= BINS or e > gate + gap_m:
+            continue
+        if e <= gate:
+            bins[at] |= ON
+        elif used[v] == 0:
+            bins[at] |= OUT
+    last = -1
+    for at in range(BINS):
+        if bins[at] & OUT or at - last > 2:
+            break
+        if bins[at] & ON:
+            last = at
+    return 0.5 * gap_m * (last + 1)
+
+
+@releasing_kernel
+def grow(
+    voxels: Voxels, count: int, walls: F64, offset: F64, within_m: float,
+    noise: tuple[float, float, float], gaps_m: F64, used: I32, bins: I32,
+) -> None:  # fmt: skip
+    """Lengthen walls (n, 4), in place, as far as points go on: a map has of a wall what was seen.
+
+    What stands out of the line ends it: a person in a door is no wall. But not where `used` has
+    another wall's points: a corner. Where the line goes on as another wall, it does not grow.
+
+    Args:
+        offset: (3,) dx, dy, dyaw to be added to the points.
+        gaps_m: (walls, 2) the widest gap beyond each end.
+        used: (count,) not 0: of a wall.
+        bins: (BINS,), room.
+    """
+    for k in range(walls.shape[0]):
+        for side in range(2):
+            a, b = 2 * side, 2 - 2 * side
+            end = (walls[k, a], walls[k, a + 1])
+            ux, uy = end[0] - walls[k, b], end[1] - walls[k, b + 1]
+            length = math.sqrt(ux * ux + uy * uy)
+            if length == 0.0:
+                continue
+            u = (ux / length, uy / length)
+            if _goes_on(walls, k, end, u, within_m):
+                continue
+            gap_m = gaps_m[k, side]
+            by = _reach(voxels, count, end, u, offset, within_m, noise, gap_m, used, bins)
+            walls[k, a], walls[k, a + 1] = end[0] + by * u[0], end[1] + by * u[1]
+
+
 def refound(
     voxels: Voxels, count: int, walls: F64, sigmas: tuple[float, float],
-    within_m: float, noise: tuple[float, float, float], used: I32,
+    within_m: float, noise: tuple[float, float, float], gaps_m: F64, used: I32, bins: I32,
 ) -> tuple[F64, F64, int]:  # fmt: skip
-    """How far points must be moved to lie on the walls (3,), its covariance, how many do so."""
+    """How far points must be moved to lie on the walls (3,), its covariance, how many do so.
+
+    Args:
+        walls: (n, 4) segments, level frame; lengthened by `grow`.
+    """
     prior = np.diag([sigmas[0] ** -2.0, sigmas[0] ** -2.0, sigmas[1] ** -2.0])
     offset, found, C = np.zeros(3), 0, np.linalg.inv(prior)
     for number in range(ROUNDS + 1):
@@ -119,6 +198,8 @@ def refound(
         g /= 1.0 + SHARED * SHARED * found
         C = np.asarray(np.linalg.inv(whole + prior), np.float64)
         offset = offset - C @ (g + prior @ offset)
+        if is_first:
+            grow(voxels, count, walls, offset, within_m, noise, gaps_m, used, bins)
     return offset, C, found
 
 
@@ -219,8 +300,7 @@ def _longest_run(
             at = int((line[2] * dx + line[3] * dy) / width + 0.5 * BINS)
             if 0 <= at < BINS:
                 bins[at] += 1
-    best, begin, last = 0, 0, -100
-    line[4], line[5] = 0.0, 0.0
+    best, begin, last, first = 0, 0, -100, 0
     for at in range(BINS):
         if bins[at] == 0:
             continue
@@ -228,8 +308,15 @@ def _longest_run(
             begin = at
         last = at
         if at + 1 - begin > best:
-            best = at + 1 - begin
-            line[4], line[5] = (begin - 0.5 * BINS) * width, (at + 1 - 0.5 * BINS) * width
+            best, first = at + 1 - begin, begin
+    low, high = math.inf, -math.inf
+    for k in range(count):
+        dx, dy = x[k] - line[0], y[k] - line[1]
+        if taken[k] == 0 and abs(line[3] * dx - line[2] * dy) <= within_m:
+            along = line[2] * dx + line[3] * dy
+            if first <= int(along / width + 0.5 * BINS) < first + best:
+                low, high = min(low, along), max(high, along)
+    line[4], line[5] = (low, high) if low < high else (0.0, 0.0)
 
 
 @releasing_kernel
@@ -279,3 +366,9 @@ def segment(line: F64) -> Floats:
     """x1, y1, x2, y2 of a stretch of a line."""
     begin, end = line[:2] + line[4] * line[2:4], line[:2] + line[5] * line[2:4]
     return np.concatenate([begin, end])
+
+
+def line_of(wall: Floats) -> F64:
+    """A segment (4,) as `take` wants a line: (6,) point, direction, begin and end along it."""
+    length = math.dist(wall[:2], wall[2:])
+    return np.array([*wall[:2], *(wall[2:] - wall[:2]) / length, 0.0, length])

@@ -103,6 +103,18 @@ def test_a_box_becomes_four_corners(far_m: float, yaw_deg: float) -> None:
     assert told[0].bottom_m < 0.06
 
 
+def test_noise_of_ranges_makes_no_thing_larger() -> None:
+    noise_m, box = 0.012, Box(2.2, 0.0, 0.3, 0.4, 0.0, 0.3)
+    settings = msgspec.structs.replace(SETTINGS, noise_m=noise_m)
+    stand_out_m = list[float]()
+    for seed in range(6):
+        [told] = found(
+            Scene((box,)), settings=settings, noise_m=noise_m, seed=seed
+        ).objects.detections
+        stand_out_m.append(box.corners[:, 0].min() - told.polygon[:, 0].min())
+    assert abs(np.mean(stand_out_m)) < 1.5 * noise_m  # without care: three of them
+
+
 def test_far_small_things_count_and_noise_does_not() -> None:
     boxes = tuple(Box(x, y, 0.1, 0.1, 0.0, 0.1) for x, y in ((1.0, 0.2), (2.0, -0.3), (3.5, 0.4)))
     told = found(Scene(boxes), noise_m=0.003, lost=0.05).objects.detections
@@ -200,6 +212,23 @@ def test_known_walls_are_taken_away_and_tell_where_the_camera_is() -> None:
     assert ends + np.array([told.x_m, told.y_m]) == pytest.approx(
         np.array([[3.0, -1.75], [3.0, 1.25], [2.02, 1.2], [3.0, 1.2]]), abs=0.1
     )
+
+
+def test_a_wall_is_followed_beyond_what_the_map_knows_of_it_to_its_corner() -> None:
+    boxes = (Box(3.05, 0.0, 0.1, 5.0, 0.0, 1.0), Box(1.5, 1.25, 3.1, 0.1, 0.0, 1.0))
+    walls = np.array([[3.0, -2.5, 3.0, 0.6], [0.0, 1.2, 2.3, 1.2]])
+    told = found(Scene(boxes), placed(0.6, 15.0), walls=walls).objects
+    assert told.detections == ()
+    assert np.hypot(*(told.walls.reshape(-1, 2) - [3.0, 1.2]).T).min() < 0.1
+
+
+def test_what_stands_at_the_end_of_a_wall_and_out_of_it_is_no_wall() -> None:
+    wall, person = Box(3.05, -1.4, 0.1, 2.2, 0.0, 1.0), Box(3.05, -0.09, 0.3, 0.4, 0.0, 1.1)
+    known = np.array([[3.0, -2.5, 3.0, -0.3]])
+    told = found(Scene((wall, person)), placed(0.6, 15.0), walls=known).objects
+    [one] = told.detections
+    assert np.ptp(one.polygon[:, 1]) > 0.35
+    assert told.walls[:, [1, 3]].max() < -0.25
 
 
 def test_walls_along_one_direction_leave_the_other_as_unsure_as_it_was() -> None:

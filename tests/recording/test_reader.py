@@ -1,18 +1,24 @@
 """A recording is read as it was written, up to where it is cut, or refused in one line."""
 
+import tracemalloc
 from pathlib import Path
 
 import pytest
+import zstandard
 from hypothesis import given
 from hypothesis import strategies as st
 
 from recording.mcap_stream import (
+    CHANNEL,
     CHUNK,
     CHUNK_HEAD,
     MAGIC,
     MESSAGE,
     MESSAGE_HEAD,
+    MOST_BYTES,
+    MOST_NAME,
     RECORD,
+    SCHEMA,
     McapStream,
 )
 from recording.reader import Recording
@@ -107,4 +113,46 @@ def test_a_record_that_says_more_than_its_chunk_holds_is_refused(tmp_path: Path)
     chunk = CHUNK_HEAD.pack(0, 0, len(inside), 0) + bytes(4) + len(inside).to_bytes(8, "little")
     path.write_bytes(MAGIC + RECORD.pack(CHUNK, len(chunk + inside)) + chunk + inside)
     with pytest.raises(RecordingError, match=f"{path} is damaged before byte"):
+        list(McapStream(path).records())
+
+
+def packed_chunk(inside: bytes) -> bytes:
+    """A chunk record that zstd has made small."""
+    packed = zstandard.ZstdCompressor().compress(inside)
+    head = CHUNK_HEAD.pack(0, 0, len(inside), 0) + b"\4\0\0\0zstd"
+    chunk = head + len(packed).to_bytes(8, "little") + packed
+    return RECORD.pack(CHUNK, len(chunk)) + chunk
+
+
+def test_a_small_file_of_millions_of_empty_records_costs_no_more_memory_than_its_chunk(
+    tmp_path: Path,
+) -> None:
+    path, inside = tmp_path / "bomb.mcap", RECORD.pack(SCHEMA, 0) * 1_000_000
+    path.write_bytes(MAGIC + packed_chunk(inside))
+    assert path.stat().st_size < len(inside) / 1000
+    tracemalloc.start()
+    try:
+        assert sum(1 for _ in McapStream(path).records()) == 1_000_000
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < 3 * len(inside)
+
+
+def test_a_chunk_that_unpacks_to_more_than_it_says_or_than_is_let_pass_is_refused(
+    tmp_path: Path,
+) -> None:
+    path, honest = tmp_path / "bomb.mcap", packed_chunk(bytes(9 * 1000))
+    at = RECORD.size + 16
+    for size in (1, MOST_BYTES + 1, 2**63):
+        path.write_bytes(MAGIC + honest[:at] + size.to_bytes(8, "little") + honest[at + 8 :])
+        with pytest.raises(RecordingError, match="is damaged before byte"):
+            list(McapStream(path).records())
+
+
+def test_channels_of_endless_names_are_refused_for_all_channels_are_kept(tmp_path: Path) -> None:
+    path, name = tmp_path / "names.mcap", b"x" * (MOST_NAME + 1)
+    channel = bytes(4) + len(name).to_bytes(4, "little") + name + bytes(8)
+    path.write_bytes(MAGIC + packed_chunk(RECORD.pack(CHANNEL, len(channel)) + channel))
+    with pytest.raises(RecordingError, match="is damaged before byte"):
         list(McapStream(path).records())

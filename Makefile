@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans \
+.PHONY: help setup run rig planner test test-all lock sbom flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -21,11 +21,11 @@ $(BIN)/python:
 EXTRAS_sim := sim objects view
 EXTRAS_test := camera objects view export foxglove sweep video test
 
-$(VENV)/.ready-%: pyproject.toml | $(BIN)/python
-	@echo "mapod: installing the libraries that pyproject.toml names for [$(or $(EXTRAS_$*),$*)]"
-	@$(BIN)/python -c "import tomllib; p = tomllib.load(open('pyproject.toml', 'rb'))['project']; \
-	  print(*p['dependencies'], *(x for e in '$(or $(EXTRAS_$*),$*)'.split() for x in p['optional-dependencies'][e]), sep='\n')" \
-	  | $(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile --requirement /dev/stdin
+$(VENV)/.ready-%: pyproject.toml requirements.lock tools/deps/lock.py | $(BIN)/python
+	@echo "mapod: installing the libraries that requirements.lock has for [$(or $(EXTRAS_$*),$*)]"
+	@$(BIN)/python -m tools.deps.lock $(or $(EXTRAS_$*),$*) > $(VENV)/$*.txt
+	@$(BIN)/python -m pip install --disable-pip-version-check --progress-bar off --no-compile --no-deps --require-hashes \
+	  --requirement $(VENV)/$*.txt
 	@touch $@
 
 $(VENV)/.warm: $(VENV)/.ready-sim $(wildcard *.py) $(shell find core hw fakes -name "*.py")
@@ -102,6 +102,15 @@ check: $(VENV)/.ready-sim $(VENV)/.ready-test $(VENV)/.ready-lint ## format, lin
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
+
+lock: | $(BIN)/python ## requirements.lock anew, from pyproject.toml: versions and hashes [UPGRADE=1: the newest], and sbom
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet --target build/uv "uv>=0.9,<1"
+	@build/uv/bin/uv pip compile pyproject.toml --quiet --all-extras --generate-hashes --universal \
+	  --python-version 3.11 --no-header $(if $(UPGRADE),--upgrade) --output-file requirements.lock
+	@$(MAKE) --no-print-directory sbom
+
+sbom: | $(BIN)/python ## docs/sbom.cdx.json from requirements.lock: all libraries, in the form CycloneDX
+	@$(BIN)/python -m tools.deps.sbom
 
 format: $(VENV)/.ready-lint ## put the code into form
 	@$(BIN)/ruff format .

@@ -24,6 +24,7 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence, log time, publish ti
 NUMBERS = struct.Struct("<HI")  # the first two of these
 CHUNK_HEAD = struct.Struct("<QQQI")  # times of the first and the last, size, sum
 MOST_BYTES = 256 << 20  # of a chunk, or of what stands by itself
+MOST_NAME = 1000  # letters of a channel's names: all channels are kept
 
 
 @dataclass(slots=True)
@@ -118,26 +119,31 @@ class McapStream:
             raise self._damaged(place)
         return packed
 
-    def _places(self, block: bytes) -> list[tuple[int, int, int]]:
-        """Opcode of each record in a block, where its content begins, and where it ends."""
-        found, at, size = list[tuple[int, int, int]](), 0, len(block)
+    def _places(self, block: bytes) -> Iterator[tuple[int, int, int]]:
+        """Opcode of each record in a block, where its content begins, and where it ends.
+
+        One at a time: a block may hold thirty million that are empty, in a file of a few kilobytes.
+        """
+        at, size = 0, len(block)
         try:
             while at < size:
                 opcode, length = RECORD.unpack_from(block, at)
                 begin, at = at + RECORD.size, at + RECORD.size + length
-                found.append((opcode, begin, at))
+                if at > size:
+                    raise self._damaged(self._place)
                 if opcode == CHANNEL:
                     self._learn(block[begin:at])
+                yield opcode, begin, at
         except (struct.error, UnicodeDecodeError):
             raise self._damaged(self._place) from None
-        if at > size:
-            raise self._damaged(self._place)
-        return found
 
     def _learn(self, channel: bytes) -> None:
         number, _ = struct.unpack_from("<HH", channel)
         topic, at = text_at(channel, 4)
-        self.channels[number] = (topic, text_at(channel, at)[0])
+        encoding, _ = text_at(channel, at)
+        if len(topic) + len(encoding) > MOST_NAME:
+            raise self._damaged(self._place)
+        self.channels[number] = (topic, encoding)
 
     def _damaged(self, place: int) -> RecordingError:
         return RecordingError(f"{self.path} is damaged before byte {place}")

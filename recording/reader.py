@@ -5,8 +5,6 @@ first of them, or the folder, all are read. A file that was cut off is read up t
 """
 
 import base64
-import binascii
-import json
 import re
 import struct
 from collections.abc import Iterator, Mapping
@@ -14,7 +12,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple, TypedDict
+
+import msgspec
 
 from recording.mcap_stream import (
     HEADER,
@@ -45,12 +45,15 @@ from recording.records import METADATA as OF_THE_RUN
 OLDER = re.compile(rb'\{"mapod_recording": (\d+)')
 SHORTEST = dict.fromkeys(OF_WIRES, 0)  # data of each kind that there is
 SHORTEST |= {TURN: READABLE.size, ASK: ASKED.size, CHANGED: PORT_STATE.size}
+SHOWN = "version", "message"  # what people read of a run
+LATEST_S = 1e11  # later no calendar goes
+MOST_OPENING = 2**32  # records: they are numbered modulo this
 NUMBERED = re.compile(r"(.*?)(?:\.(\d+))?\.mcap")
 
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """One line of the app's log."""
+    """One line of the app's log; no text of it steers a terminal."""
 
     t_s: float
     level: str
@@ -65,6 +68,40 @@ class Place(NamedTuple):
     x_m: float
     y_m: float
     yaw_rad: float
+
+
+def shown(value: Any) -> Any:
+    """A text as a terminal may get it, with nothing in it that steers one; all else as it is."""
+    if not isinstance(value, str) or value.isprintable():
+        return value
+    return "".join(letter if letter.isprintable() else " " for letter in value)
+
+
+class Wire(TypedDict):
+    """What a wire of the run was like."""
+
+    datagrams: bool
+    silence_s: float | None  # None: it is never opened anew
+
+
+class Line(msgspec.Struct, frozen=True):
+    """A message of the log, as it is checked."""
+
+    of: LogLine
+
+
+class Health(msgspec.Struct, frozen=True):
+    """What is read of a message of health."""
+
+    t_s: float
+    x_m: float | None = None  # None: the pose was not known
+    y_m: float = 0.0
+    yaw_rad: float = 0.0
+
+
+Session = Annotated[int, msgspec.Meta(ge=0, lt=2**32)]
+Offset = Annotated[float, msgspec.Meta(ge=-LATEST_S, le=LATEST_S)]
+UNREADABLE = msgspec.DecodeError, RecursionError  # of JSON
 
 
 def first_metadata(path: Path) -> dict[str, str]:
@@ -90,7 +127,7 @@ def _checked(path: Path, entries: dict[str, str]) -> dict[str, str]:
         raise RecordingError(f"{path}: a recording of form {entries.get('form')}, not {FORM}")
     if not is_whole(entries):
         raise RecordingError(f"{path} is damaged in what it says of the run")
-    return entries
+    return {**entries, **{key: shown(entries[key]) for key in SHOWN if key in entries}}
 
 
 class Recording:
@@ -101,13 +138,13 @@ class Recording:
         self.metadata = first_metadata(self.parts[0])
         try:
             self.version, self.config = self.metadata["version"], self.metadata["config"]
-            self.ports = [str(name) for name in json.loads(self.metadata["ports"])]
-            self.wires: list[dict[str, Any]] = json.loads(self.metadata["wires"])
-            self.session = int(self.metadata["session"])
-            self.utc_offset_s = float(self.metadata["utc_offset_s"])
+            self.ports = msgspec.json.decode(self.metadata["ports"], type=list[str])
+            self.wires = msgspec.json.decode(self.metadata["wires"], type=list[Wire])
+            self.session = msgspec.json.decode(self.metadata["session"], type=Session)
+            self.utc_offset_s = msgspec.json.decode(self.metadata["utc_offset_s"], type=Offset)
             self.from_start = self.metadata["from_start"] == "true"
             self._openings = {part: opening_of(first_metadata(part)) for part in self.parts}
-        except (KeyError, ValueError, TypeError):
+        except (KeyError, ValueError, *UNREADABLE):
             raise RecordingError(f"{self.parts[0]} is not a recording of mapod") from None
         self.is_cut = False  # known after reading: the newest file has no end
         self.gap = ""  # known after reading: what is missing from there on, as a message
@@ -118,7 +155,7 @@ class Recording:
         text = self.metadata.get("load_map", "")
         try:
             return base64.b64decode(text, validate=True) if text else None
-        except binascii.Error:
+        except ValueError:
             raise RecordingError(f"{self.parts[0]} is damaged in its map") from None
 
     def records(self) -> Iterator[Record]:
@@ -129,7 +166,7 @@ class Recording:
         """
         for record in islice(self._wires(), self._openings[self.parts[0]], None):
             if record.kind == GAP:
-                missing = record.data.decode(errors="replace")
+                missing = shown(record.data.decode(errors="replace"))
                 self.gap = f"the disk was too slow: {missing} are missing"
                 return
             yield record
@@ -168,21 +205,22 @@ class Recording:
         for stream in self._streams():
             for _, _, content in stream.messages((LOGS,)):
                 try:
-                    said = json.loads(content)["of"]
-                    yield LogLine(said["t_s"], said["level"], said["event"], said["keys"])
-                except (ValueError, KeyError, TypeError):
+                    line = msgspec.json.decode(content, type=Line).of
+                except UNREADABLE:
                     raise RecordingError(f"{stream.path}: a log line can't be read") from None
+                keys = {shown(key): shown(value) for key, value in line.keys.items()}
+                yield LogLine(line.t_s, shown(line.level), shown(line.event), keys)
 
     def places(self) -> Iterator[Place]:
         """Where the robot was, now and then. Raises RecordingError, OSError."""
         for stream in self._streams():
             for _, _, content in stream.messages((HEALTH,)):
                 try:
-                    told = json.loads(content)
-                    if "x_m" in told:
-                        yield Place(*(float(told[name]) for name in Place._fields))
-                except (ValueError, KeyError, TypeError):
+                    told = msgspec.json.decode(content, type=Health)
+                except UNREADABLE:
                     raise RecordingError(f"{stream.path}: a state can't be read") from None
+                if told.x_m is not None:
+                    yield Place(told.t_s, told.x_m, told.y_m, told.yaw_rad)
 
     def _streams(self) -> Iterator[McapStream]:
         """All files, each to be read to its end."""
@@ -199,6 +237,8 @@ def maybe_record(port: int, content: bytes) -> Record | None:
     t_s, kind = STAMP.unpack_from(content)
     data, shortest = content[STAMP.size :], SHORTEST.get(kind)
     if shortest is None or len(data) < shortest:
+        return None
+    if not abs(t_s) < LATEST_S:
         return None
     if kind == TURN:
         (port,) = READABLE.unpack_from(data)
@@ -228,8 +268,8 @@ def parts_of(path: Path) -> list[Path]:
 
 
 def opening_of(metadata: Mapping[str, str]) -> int:
-    """How many records at a file's begin tell of what was before it."""
-    return max(0, int(metadata.get("opening", "0")))
+    """How many records at a file's begin tell of what was before it. Raises ValueError."""
+    return max(0, min(MOST_OPENING, int(metadata.get("opening", "0"))))
 
 
 def number_of(path: Path) -> int:

@@ -58,6 +58,8 @@ def arrays_from_bytes(data: bytes) -> Arrays:
             members = archive.infolist()
             if any(member.compress_type != zipfile.ZIP_STORED for member in members):
                 raise StateError("it is packed in a way that no saved map is")
+            if sum(member.file_size for member in members) > len(data):
+                raise StateError("its arrays are longer than itself")  # one and the same, again
             return {
                 member.filename.removesuffix(SUFFIX): _array_from(archive.read(member))
                 for member in members

@@ -68,6 +68,8 @@ class Hello(Struct, frozen=True):
 class Ask(Struct, frozen=True):
     """What a planner wants to have at once."""
 
+    seq: int
+    t_ms: int  # the planner's clock
     id: int
     wants: int  # bits ASK_..., one at least, and IN_WINDOW
     layer: int
@@ -116,7 +118,6 @@ Answer = Ack | Hello | Ask | Drive | External
 
 def apart(frame: Answer, t_ms: int, seq: int) -> tuple[int, int]:
     """How much newer a frame is than another, by clock (ms) and then by number; both wrap."""
-    assert not isinstance(frame, Ask)
     after_ms = (frame.t_ms - t_ms + 2**31) % 2**32 - 2**31
     return after_ms, (frame.seq - seq + 2**15) % 2**16 - 2**15
 
@@ -171,8 +172,8 @@ def _hello(seq: int, t_ms: int, *fields: int) -> Hello:
     return Hello(seq, t_ms, nonce, max_cells, min(max_frame, MAX_FRAME), polls)
 
 
-def _maybe_ask(_seq: int, _t_ms: int, *fields: int) -> Ask | None:
-    ask = Ask(*fields)  # each bit means something, IN_WINDOW nothing alone
+def _maybe_ask(seq: int, t_ms: int, *fields: int) -> Ask | None:
+    ask = Ask(seq, t_ms, *fields)  # each bit means something, IN_WINDOW nothing alone
     return ask if ask.wants & ~IN_WINDOW else None
 
 

@@ -199,22 +199,26 @@ class PlannerLink:
             case Ack():
                 self._take_ack(now_s, answer)
             case Hello():
-                self._take_hello(answer)
+                self._take_hello(now_s, answer)
+            case Ask() if not self.peer.take(now_s, answer):
+                self._reject("an ASK that is older than the newest frame, or a repetition")
             case Ask():
                 self._state.wanted |= answer.wants
                 self._answers.take(answer)
                 self._vectors.take(answer.wants)
             case Drive():
+                self.peer.take(now_s, answer)
                 self.requests.take(now_s, answer, self.wire.drive_refusal, self._number)
             case External():
+                self.peer.take(now_s, answer)
                 self.external_poses.take(now_s, answer, self.wire.pose_refusal)
 
     def _reject(self, reason: str) -> None:
         self.counters.answers_rejected += 1
         self.counters.rejected_because = reason
 
-    def _take_hello(self, hello: Hello) -> None:
-        if self.peer.take_hello(hello):
+    def _take_hello(self, now_s: float, hello: Hello) -> None:
+        if self.peer.take_hello(now_s, hello):
             self._answers.forget()
             self._scheduler.secret = self._secret
             self._state.epoch_due = True
@@ -222,7 +226,7 @@ class PlannerLink:
         self._state.geom_due = True
 
     def _take_ack(self, now_s: float, ack: Ack) -> None:
-        if not self.peer.take_ack(ack):
+        if not self.peer.take_ack(now_s, ack):
             return
         self.counters.acks += 1
         if self.peer.polled and self.peer.end_polling():

@@ -14,13 +14,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import tomllib
 import zipfile
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
 from tools.cli.options import ROOT
+from tools.deps.lock import FILE, LockError, closure, locked, pins_from_text
 
 LIBC = range(17, 29)  # glibc 2.17 to 2.28: Debian 10, Ubuntu 20.04 and whatever is newer
 LIST = "wheels.json"
@@ -28,6 +28,7 @@ ROOMS = ("mapod", "mapod_link", "core", "recording", "hw", "robots", "tools", "f
 BUILD = "from setuptools import build_meta; print(build_meta.build_wheel('dist'))"
 EPOCH = "315532800"  # 1980: the time of files in a wheel, so that it is the same each time
 SETUPTOOLS = 77
+BUILDER = "setuptools"
 
 
 class BundleError(Exception):
@@ -46,12 +47,15 @@ class Target:
 
 
 def needs() -> dict[str, list[str]]:
-    """What pyproject.toml names: to run, and to build."""
-    path = ROOT / "pyproject.toml"
-    if not path.exists():
+    """What the lock has, with hashes: to run, and to build."""
+    if not (ROOT / "pyproject.toml").exists():
         raise BundleError("a bundle is made from the source tree: see its README")
-    table = tomllib.loads(path.read_text(encoding="utf-8"))
-    return {"run": table["project"]["dependencies"], "build": table["build-system"]["requires"]}
+    try:
+        pins = pins_from_text(FILE.read_text(encoding="utf-8"))
+        run, build = locked(), closure(pins, [BUILDER])
+    except (LockError, OSError) as error:
+        raise BundleError(f"the libraries are not locked: {error}") from None
+    return {"run": [str(pin) for pin in run], "build": [str(pin) for pin in build]}
 
 
 def sha256(path: Path) -> str:
@@ -94,13 +98,16 @@ def _options_of(target: Target) -> list[str]:
 
 
 def _download(wanted: list[str], options: list[str], folder: Path) -> None:
-    """By pip, which checks the hashes that the index tells; wheels only. Raises BundleError."""
+    """By pip, which checks the hashes of the lock; wheels only. Raises BundleError."""
     if importlib.util.find_spec("pip") is None:
         raise BundleError("needs pip to download the libraries: apt install python3-pip")
     command = [sys.executable, "-m", "pip", "download", "--disable-pip-version-check"]
-    command += ["--only-binary=:all:", *options, "--dest", str(folder), *wanted]
-    shown = sys.stderr if sys.stderr.isatty() else subprocess.DEVNULL
-    done = subprocess.run(command, stdout=shown, stderr=subprocess.PIPE, text=True, check=False)
+    command += ["--only-binary=:all:", *options, "--dest", str(folder)]
+    command += ["--no-deps", "--require-hashes", "--requirement", "/dev/stdin"]
+    shown, pins = sys.stderr if sys.stderr.isatty() else subprocess.DEVNULL, "\n".join(wanted)
+    done = subprocess.run(
+        command, input=pins, stdout=shown, stderr=subprocess.PIPE, text=True, check=False
+    )
     errors = [line for line in done.stderr.splitlines() if line.startswith("ERROR")]
     if done.returncode:
         why = (errors or ["ERROR: pip failed"])[-1].removeprefix("ERROR: ")

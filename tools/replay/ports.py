@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from core.config import Config
-from recording.reader import Recording
+from recording.reader import Recording, Wire
 from recording.records import PORT_STATE
 
 DEVICES = 3  # ports of a recording before the first planner's
@@ -124,10 +124,11 @@ class ReopeningPlayedPort(PlayedPort):
 def played_ports(recording: Recording, config: Config) -> list[PlayedPort]:
     """The ports of a recording, and one that stays closed for each planner that it has not."""
     count = max(DEVICES + len(config.planner.ports), len(recording.ports))
-    absent = [{"datagrams": True, "silence_s": None}] * (count - len(recording.ports))
+    closed = Wire(datagrams=True, silence_s=None)
+    absent = [closed] * (count - len(recording.ports))
     return [
-        PlayedPort(bool(wire["datagrams"]))
+        PlayedPort(wire["datagrams"])
         if wire["silence_s"] is None
-        else ReopeningPlayedPort(bool(wire["datagrams"]), float(wire["silence_s"]))
+        else ReopeningPlayedPort(wire["datagrams"], wire["silence_s"])
         for wire in [*recording.wires, *absent]
     ]

@@ -1,7 +1,10 @@
 """The file of a saved map: the same arrays come back, and every damage is refused with a reason."""
 
+import hashlib
 import io
 import math
+import struct
+import zipfile
 from typing import Any
 
 import numpy as np
@@ -14,7 +17,14 @@ from config_file import with_changes
 from core.mapping.mapper import Mapper
 from core.records import OBSTACLE
 from core.saved.check import VERSION, check_state
-from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
+from core.saved.encoding import (
+    COMMENT_BYTES,
+    MARK,
+    Arrays,
+    StateError,
+    arrays_from_bytes,
+    bytes_from_arrays,
+)
 from core.saved.state import restore
 from core.saved.surface import KEPT
 from tests.core.saved.test_state import LATER_S, METHODS, SHIPPED, STATE, config_of, saved, states
@@ -76,6 +86,19 @@ def test_what_is_no_saved_map_is_refused_with_a_reason() -> None:
     ):
         with pytest.raises(StateError, match=reason):
             arrays_from_bytes(data)
+
+
+def test_a_file_that_names_the_same_bytes_a_thousand_times_is_refused_unread() -> None:
+    whole = bytes_from_arrays({"pose": np.zeros(1000)})
+    with zipfile.ZipFile(io.BytesIO(whole)) as archive:
+        begin = archive.start_dir
+    entry = whole[begin : -22 - COMMENT_BYTES]
+    end = struct.pack(
+        "<4s4H2LH", b"PK\5\6", 0, 0, 1000, 1000, 1000 * len(entry), begin, COMMENT_BYTES
+    )
+    body = whole[:begin] + 1000 * entry + end
+    with pytest.raises(StateError, match="longer than itself"):
+        arrays_from_bytes(body + MARK + hashlib.sha256(body).hexdigest().encode())
 
 
 def changed(method: str, **entries: Any) -> Arrays:

@@ -10,14 +10,20 @@ from hypothesis import strategies as st
 from fakes.planner_mcu.receiver import FakePlanner
 from hw.planner_link.frames import GEOM, POSE
 from hw.planner_link.map_frames import RefreshCursor
-from hw.planner_link.messages import NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack, Hello
+from hw.planner_link.messages import ASK_POSE, NEED_FULL, NEED_GEOM, PLANNER_STOPPED, Ack, Hello
 from hw.planner_link.peer import Peer
 from hw.planner_link.recovery import MOST_LAG
 from hw.planner_link.scheduler import UNTIMED
 from mapod_link.asking import DIGEST_OK, hello_body
-from mapod_link.frames import HELLO, bytes_from_frame, frame_from_bytes, signed_bytes_from_frame
+from mapod_link.frames import (
+    ASK,
+    HELLO,
+    bytes_from_frame,
+    frame_from_bytes,
+    signed_bytes_from_frame,
+)
 from tests.support.cases import examples, few
-from tests.support.planner_line import Line, Sky
+from tests.support.planner_line import Line, Sky, SkyTiles
 
 
 def quiet(size: int = 21, first_seq: int = 1) -> Line:
@@ -73,17 +79,17 @@ def test_only_what_tells_the_time_of_a_frame_that_was_sent_is_believed(
 @pytest.mark.parametrize("key", [True, False])
 def test_an_older_acknowledgement_does_not_take_back_a_stop_and_with_a_key_never(key: bool) -> None:
     peer = Peer(cells=81, push=True, has_key=key)
-    peer.take_hello(Hello(1, 1, 5, 100, 368, False))
-    assert peer.take_ack(Ack(9, 1_000_000, 1, 0, 0, PLANNER_STOPPED, 7))
-    assert not peer.take_ack(Ack(8, 999_970, 1, 0, 0, 0, 7))  # it comes late
+    peer.take_hello(0.0, Hello(1, 1, 5, 100, 368, False))
+    assert peer.take_ack(0.0, Ack(9, 1_000_000, 1, 0, 0, PLANNER_STOPPED, 7))
+    assert not peer.take_ack(0.0, Ack(8, 999_970, 1, 0, 0, 0, 7))  # it comes late
     assert peer.stopped
     older = Ack(5, 100, 1, 0, 0, 0, 7)  # of a planner that has started again, or a replay
-    assert peer.take_ack(older) is not key
+    assert peer.take_ack(9.0, older) is not key
     assert peer.stopped is key
-    peer.take_hello(Hello(1, 1, 6, 100, 368, False))
-    assert peer.take_ack(older)
-    peer.take_hello(Hello(1, 1, 5, 100, 368, False))  # anybody may repeat an old one
-    assert peer.take_ack(older) is not key
+    peer.take_hello(9.0, Hello(1, 1, 6, 100, 368, False))
+    assert peer.take_ack(9.0, older)
+    peer.take_hello(9.0, Hello(1, 1, 5, 100, 368, False))  # anybody may repeat an old one
+    assert peer.take_ack(9.0, older) is not key
 
 
 def test_need_full_begins_a_new_epoch_but_no_flood_of_it_begins_many() -> None:
@@ -301,3 +307,47 @@ def test_an_acknowledgement_ends_polling_that_somebody_else_asked_for() -> None:
     line.settle(0.5)
     line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(OTHER, 10_000, poll=True)))
     assert is_kept_up(line)
+
+
+@pytest.mark.parametrize("poll_only", [False, True])
+def test_no_flood_of_forged_hellos_silences_a_planner_that_is_heard(poll_only: bool) -> None:
+    planner, tiles = FakePlanner(5, KEY, poll_only=poll_only), SkyTiles(Sky(21, 3))
+    line = Line(tiles.sky, key=KEY, planner=planner, tiles=tiles)
+    line.settle(1.0)
+    assert line.link.peer.proven
+    answered = 0
+    for number in range(150):
+        for nonce in range(1, 10):
+            line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(1000 * number + nonce, 441)))
+        question = planner.ask_tile("height", 0, 0, 3, 3)
+        line.tick()
+        line.tick()
+        answered += question.complete
+        assert line.link.peer.nonce == planner.nonce
+    assert answered > 140
+    assert poll_only or line.holds_what_is_meant()
+
+
+def test_a_planner_that_starts_again_under_a_flood_is_heard_once_its_forerunner_is_silent() -> None:
+    line = keyed()
+    line.planner = FakePlanner(99, KEY)
+    for number in range(250):
+        line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(1000 + number, 441)))
+        line.tick()
+    assert line.link.peer.nonce == line.planner.nonce
+    assert line.holds_what_is_meant()
+
+
+def test_with_a_key_a_question_counts_once_and_a_repetition_does_not_hold_the_link() -> None:
+    line = keyed()
+    nonce, rejected = line.planner.nonce, line.link.counters.answers_rejected
+    body = struct.pack("<HBBhhHH", 7, ASK_POSE, 0, 0, 0, 0, 0)
+    genuine = signed_bytes_from_frame(ASK, 60_000, 10_000_000, body, KEY, SESSION, nonce)
+    line.planner.mute = True
+    for _ in range(80):
+        line.port.give(genuine)
+        line.tick()
+    assert line.link.counters.answers_rejected == rejected + 79
+    line.port.give(bytes_from_frame(HELLO, 1, 1, hello_body(OTHER, 441)))
+    line.tick()
+    assert line.link.peer.nonce == OTHER

@@ -171,7 +171,7 @@ def test_five_tiles_at_a_time_are_one_too_many_and_the_same_id_replaces() -> Non
 def test_no_flood_of_questions_is_kept() -> None:
     tiles = Line(Sky(9, 1)).link._answers.tiles
     for ask_id in range(10_000):
-        tiles.take(Ask(ask_id, ASK_TILE, 0, 0, 0, 1 if ask_id % 2 else 0, 1))
+        tiles.take(Ask(1, 1, ask_id, ASK_TILE, 0, 0, 0, 1 if ask_id % 2 else 0, 1))
     assert len(tiles._tiles) <= 4
     assert len(tiles._refused) <= MOST_REFUSALS
 

@@ -120,12 +120,14 @@ HEARD = {
         0.0017,
         0.0035,
     ),
-    "ask_tile": messages.Ask(0x0102, messages.ASK_TILE, 1, 236, -40, 5, 3),
+    "ask_tile": messages.Ask(5, 52_380, 0x0102, messages.ASK_TILE, 1, 236, -40, 5, 3),
     "ask_now": messages.Ask(
-        0x0103, messages.ASK_GEOM | messages.ASK_POSE | messages.ASK_ZONE, 0, 0, 0, 0, 0
+        6, 52_390, 0x0103, messages.ASK_GEOM | messages.ASK_POSE | messages.ASK_ZONE, 0, 0, 0, 0, 0
     ),
-    "ask_scan": messages.Ask(0x0105, messages.ASK_SCAN, 0, 0, 0, 0, 0),
-    "ask_window": messages.Ask(0x0104, messages.ASK_TILE | messages.IN_WINDOW, 0, 40, 60, 5, 3),
+    "ask_scan": messages.Ask(8, 52_410, 0x0105, messages.ASK_SCAN, 0, 0, 0, 0, 0),
+    "ask_window": messages.Ask(
+        7, 52_400, 0x0104, messages.ASK_TILE | messages.IN_WINDOW, 0, 40, 60, 5, 3
+    ),
 }
 
 

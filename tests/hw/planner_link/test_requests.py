@@ -11,7 +11,15 @@ from msgspec.structs import replace
 from core.records import DriveRequest, ExternalPose
 from fakes.wires.wire import MemoryPort
 from hw.device import BadFrame
-from hw.planner_link.frames import DRIVE, EXTERNAL_POSE, encode_frame, encode_serial
+from hw.planner_link.frames import (
+    DRIVE,
+    EXTERNAL_POSE,
+    HELLO,
+    TICK_BYTES,
+    Secret,
+    encode_frame,
+    encode_serial,
+)
 from hw.planner_link.messages import Drive, External, decode_answer
 from hw.planner_link.receivers import one_link
 from hw.planner_link.requests import (
@@ -22,6 +30,7 @@ from hw.planner_link.requests import (
     ReplayGuard,
     Requests,
 )
+from hw.ports.sockets import DATAGRAMS
 from tests.support.planner_sender import vector
 
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
@@ -267,3 +276,28 @@ def test_a_link_takes_requests_and_poses_where_it_may_and_counts_why_not(
     assert link.requests.newest == driven
     seen_s = [pytest.approx(2.96)] if taken and name == "external_pose" else []
     assert [pose.t_s for pose in link.external_poses.take_all()] == seen_s
+
+
+@pytest.mark.parametrize("kind", [DRIVE, EXTERNAL_POSE])
+def test_behind_a_flood_of_forged_frames_an_honest_one_is_heard_soon(kind: int) -> None:
+    """As many as the port reads at once; no poll works out more tags than its share of bytes."""
+    port = MemoryPort(datagrams=True)
+    link = one_link(port, size=9, session=SESSION, key=KEY)
+    hello = struct.pack("<IIHH", NONCE, 81, 368, 0)
+    port.give(encode_frame(HELLO, 0, 1, 1, hello))
+    link.poll(0.0)
+    layout, fields = BODIES[kind]
+    body, wrong = layout.pack(*fields), Secret(bytes(32), SESSION, NONCE)
+    for number in range(DATAGRAMS):
+        port.give(encode_frame(kind, 0, number, number, body, wrong))
+    honest_layout, honest = BODIES[DRIVE]
+    right = Secret(KEY, SESSION, NONCE)
+    port.give(encode_frame(DRIVE, 0, 2, 2, honest_layout.pack(*honest), right))
+    polls, rejected = 0, 0
+    while not link.requests.accepted:
+        link.poll(0.001 * polls)
+        at_once = link.counters.answers_rejected - rejected
+        polls, rejected = polls + 1, link.counters.answers_rejected
+        assert at_once <= TICK_BYTES // len(body) + 1
+    assert rejected == DATAGRAMS
+    assert polls <= 3

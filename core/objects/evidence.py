@@ -2,7 +2,8 @@
 
 An image is parted into blocks, and each gives one ray at most: to the nearest pixel of a thing,
 else to one of a pit, else to one of the floor. So no thing falls between the rays that are kept.
-A pixel that is flying, too high or no measurement gives none.
+A pixel that is flying, too high or no measurement gives none. A block that lacks floor where it is
+due tells that what lies beside it may end within a cell: so floor beside it gives no ray either.
 Source: design, section 10; docs/objects.md, section 2.
 """
 
@@ -12,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from core.objects.frame.floor import Floor
-from core.objects.frame.pixels import FLOOR, PIT, THING
+from core.objects.frame.pixels import FLOOR, NOTHING, PIT, THING
 from core.objects.frame.room import Room
 from core.records import F32, F64, U8
 from jit import kernel, releasing_kernel
 
+LACKS = 0.2  # share of a block's pixels that lack floor: a brink, or black
 SEVERAL = 2  # pixels of a block that must agree, where it has more than one
 
 
@@ -35,9 +37,34 @@ def _rise(units: F32, i: int, j: int, up: tuple[float, float, float]) -> float:
 
 
 @releasing_kernel
+def _find_lacking(
+    units: F32, kinds: U8, up: tuple[float, float, float], lens_m: float, far_m: float, edge: int,
+    lacks: U8,
+) -> None:  # fmt: skip
+    """Which blocks lack floor that is due within `far_m`, and those beside them: 1 in `lacks`."""
+    rows, columns = kinds.shape
+    lacks[...] = 0
+    for i in range(0, rows, edge):
+        for j in range(0, columns, edge):
+            count = whole = 0
+            for a in range(i, min(i + edge, rows)):
+                for b in range(j, min(j + edge, columns)):
+                    whole += 1
+                    if kinds[a, b] == NOTHING or kinds[a, b] == PIT:
+                        rise = _rise(units, a, b, up)
+                        count += rise < 0.0 and lens_m < -rise * far_m
+            if count <= LACKS * whole:
+                continue
+            k, n = i // edge, j // edge
+            for a in range(max(0, k - 1), min(k + 2, lacks.shape[0])):
+                for b in range(max(0, n - 1), min(n + 2, lacks.shape[1])):
+                    lacks[a, b] = 1
+
+
+@releasing_kernel
 def _gather(
     units: F32, ranges: F32, kinds: U8, up: tuple[float, float, float], lens_m: float, edge: int,
-    bars: tuple[float, float], rays: F32, standing: F64,
+    bars: tuple[float, float], lacks: U8, rays: F32, standing: F64,
 ) -> tuple[int, int]:  # fmt: skip
     """Fills rays (n, 4), direction and range, and standing (n, 3); returns how many of each.
 
@@ -45,6 +72,7 @@ def _gather(
         up: unit vector, sensor frame, and `lens_m` over the floor.
         edge: of a block, pixels.
         bars: from one height above the floor to another a thing bars the way.
+        lacks: by blocks, 1: floor of it is not told.
     """
     rows, columns = ranges.shape
     least = SEVERAL if edge > 1 else 1
@@ -72,6 +100,8 @@ def _gather(
                         away = abs(2 * (a - i) + 1 - edge) + abs(2 * (b - j) + 1 - edge)
                         if away < off:
                             off, ground = away, here
+            if lacks[i // edge, j // edge] == 1:
+                ground = -1
             best = thing if things >= least else (pit if pits >= least else ground)
             if best >= 0 and count < rays.shape[0]:
                 a, b = best // columns, best % columns
@@ -87,12 +117,15 @@ def _gather(
     return count, points
 
 
-def evidence_of(room: Room, seen: Floor, most_rays: int, bars_m: tuple[float, float]) -> Evidence:
+def evidence_of(
+    room: Room, seen: Floor, most_rays: int, bars_m: tuple[float, float], far_m: float
+) -> Evidence:
     """Of the newest frame, whose pixels are sorted.
 
     Args:
         seen: its floor.
         bars_m: from one height above the floor to another a thing bars the way.
+        far_m: ranges beyond it are not measured.
     """
     rows, columns = room.ranges.shape
     edge = max(1, math.ceil(math.sqrt(rows * columns / most_rays)))
@@ -100,8 +133,10 @@ def evidence_of(room: Room, seen: Floor, most_rays: int, bars_m: tuple[float, fl
         edge += 1
     rays, standing = np.empty((most_rays, 4), np.float32), np.empty((most_rays, 3))
     x, y, z = seen.normal_sensor.tolist()
+    up, lens_m = (x, y, z), float(seen.height_m)
+    lacks: U8 = np.zeros((math.ceil(rows / edge), math.ceil(columns / edge)), np.uint8)
+    _find_lacking(room.units, room.kinds, up, lens_m, far_m, edge, lacks)
     count, points = _gather(
-        room.units, room.ranges, room.kinds, (x, y, z), float(seen.height_m), edge, bars_m, rays,
-        standing,
+        room.units, room.ranges, room.kinds, up, lens_m, edge, bars_m, lacks, rays, standing
     )  # fmt: skip
     return Evidence(rays[:count, :3].copy(), rays[:count, 3].copy(), standing[:points].copy())

@@ -50,6 +50,7 @@ class FrameLook:
     def __init__(self, settings: FrameSettings, of_map: ObjectMapSettings, ground: Ground) -> None:
         self._steps, self._of_map, self._ground = FrameSteps(settings), of_map, ground
         self._sigmas = of_map.pose_sigma_m, math.radians(of_map.pose_sigma_deg)
+        self._far_m = float(settings.max_range_m)
         self._epoch, self._before_s = 0, -math.inf
         self._first = (0, 0)  # so many ids of objects and of obstacles earlier maps have used
         self._highest = [0, 0]
@@ -81,7 +82,7 @@ class FrameLook:
             return Seen(image.t_s, epoch, doubt, *NOTHING, (), ())
         self._before_s = image.t_s
         found = evidence_of(
-            self._steps.room, result.floor, self._ground.most_rays, self._ground.bars_m
+            self._steps.room, result.floor, self._ground.most_rays, self._ground.bars_m, self._far_m
         )
         if len(found.ranges_m) == 0:
             return Seen(image.t_s, epoch, "no floor", *NOTHING, (), ())

@@ -4,9 +4,9 @@ Source: visionary sheet, section 3.
 """
 
 import hashlib
-from typing import Literal
 
-Level = Literal["none", "operator", "maintenance", "authorized_client", "service"]
+from hw.visionary.options import Level
+
 LEVELS: dict[str, tuple[int, str]] = {
     "operator": (1, "Operator"),
     "maintenance": (2, "Maintenance"),

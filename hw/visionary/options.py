@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta, Struct
 
-from hw.visionary.access import Level
+Level = Literal["none", "operator", "maintenance", "authorized_client", "service"]
 
 
 class VisionaryOptions(Struct, frozen=True):

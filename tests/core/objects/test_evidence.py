@@ -5,7 +5,7 @@ import pytest
 
 from core.objects.evidence import Evidence, evidence_of
 from core.objects.frame.floor import Floor
-from core.objects.frame.pixels import FLOOR, FLYING, HIGH, PIT, THING
+from core.objects.frame.pixels import FLOOR, FLYING, HIGH, NOTHING, PIT, THING
 from core.objects.frame.room import Room
 from core.records import DepthCamera
 from tests.core.objects.test_frame import SETTINGS
@@ -13,6 +13,7 @@ from tests.core.objects.test_frame import SETTINGS
 ROWS, COLUMNS = 40, 60
 LENS_M = 0.5
 BARS_M = 0.1, 1.3
+FAR_M = 4.0
 MOST = 24  # blocks of 10 x 10 pixels
 
 
@@ -27,7 +28,7 @@ def room() -> Room:
 
 def evidence(made: Room, most: int = MOST) -> Evidence:
     floor = Floor(LENS_M, 0.0, 0.0, np.eye(3), 1.0, 100, np.array([0.0, 0.0, 1.0]))
-    return evidence_of(made, floor, most, BARS_M)
+    return evidence_of(made, floor, most, BARS_M, FAR_M)
 
 
 def test_a_thing_between_the_rays_is_met_and_one_lonely_pixel_is_not() -> None:
@@ -65,3 +66,15 @@ def test_flying_and_high_pixels_tell_nothing_and_no_more_rays_are_given_than_may
         assert 0 < len(evidence(room(), most).ranges_m) <= most
     made.kinds[...] = HIGH
     assert len(evidence(made).ranges_m) == 0
+
+
+def test_floor_beside_a_block_that_lacks_it_is_not_told() -> None:
+    made = room()
+    made.kinds[30:35, 0:10] = NOTHING  # half of the block at the lower left: its floor was due
+    assert len(evidence(made).ranges_m) == MOST - 4
+    made = room()
+    made.kinds[:18] = NOTHING  # over the horizon, none is due
+    assert len(evidence(made).ranges_m) == MOST - 6
+    made = room()
+    made.kinds[30:34:3, 0:10:5] = NOTHING  # specks
+    assert len(evidence(made).ranges_m) == MOST

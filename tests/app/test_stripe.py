@@ -7,6 +7,7 @@ import pytest
 
 from app import App, Ports
 from config_file import load_config, with_changes
+from core.config import ConfigError
 from core.map_settings import Method
 from core.records import FREE, OBSTACLE
 from fakes.scenes.scene import Scene, Solid
@@ -87,6 +88,13 @@ def begun() -> StripeLoop:
     assert loop.is_seeing()
     assert loop.scanner.status.rejected == 0
     return loop
+
+
+def test_certainty_takes_no_line_that_runs_up_the_image() -> None:
+    up = {"along": "rows", "baseline_m": 0.12}
+    assert with_changes(RAGNO, scanner=up).scanner.options.spec.light_normal is None
+    with pytest.raises(ConfigError, match="one plane across its way, and 'stripe' as set has none"):
+        with_changes(RAGNO, scanner=up, map={"method": "certainty"})
 
 
 @pytest.mark.slow

@@ -368,10 +368,15 @@ def _check_together(config: Config) -> None:
             f"for beams echo twice in soft things; is {config.obstacle.soft_free_below_m}, and "
             f"{config.scanner.driver!r} as set tells one"
         )
-    if config.map.method in ("reference_plane", "certainty") and not spec.is_plane:
+    if config.map.method == "reference_plane" and not spec.is_plane:
         raise ConfigError(
-            f'map.method: "{config.map.method}" needs a scanner of one plane, which '
+            'map.method: "reference_plane" needs a scanner of one plane, which '
             f"{config.scanner.driver!r} is not"
+        )
+    if config.map.method == "certainty" and spec.light_normal is None:
+        raise ConfigError(
+            'map.method: "certainty" needs a scanner whose returns all lie in one plane across its '
+            f"way, and {config.scanner.driver!r} as set has none"
         )
     if config.certainty is not None and config.certainty.free_from > config.certainty.most:
         raise ConfigError(

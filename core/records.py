@@ -94,6 +94,8 @@ class ScannerSpec(Struct, frozen=True, eq=False):
     sigma_share: float  # and as a share of it, far: the larger of both
     is_plane: bool  # its sweeps are `Scan`s
     directions: F64  # (n, 3) unit vectors, sensor frame: where it looks
+    # unit, sensor frame, of the plane across its way in which all that it meets lies, if any
+    light_normal: tuple[float, float, float] | None = None
 
 
 class Attitude(Struct, frozen=True, eq=False):

@@ -59,6 +59,7 @@ class Lms1xxOptions(Struct, frozen=True):
             sigma_m=SIGMA_M,
             sigma_share=0.0,
             is_plane=True,
+            light_normal=(0.0, 0.0, 1.0),
             directions=np.stack(
                 [np.cos(bearings_rad), np.sin(bearings_rad), 0 * bearings_rad], axis=1
             ),

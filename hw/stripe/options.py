@@ -120,6 +120,13 @@ class StripeOptions(Struct, frozen=True):
         return math.sqrt(variance)
 
     @property
+    def _light_normal(self) -> tuple[float, float, float] | None:
+        """Of the laser's plane, sensor frame; none where the line runs up the image."""
+        if self.along == "rows":
+            return None
+        return math.sin(self.plane.beta_rad), 0.0, math.cos(self.plane.beta_rad)
+
+    @property
     def spec(self) -> ScannerSpec:
         """Its error grows with the square of the range: told as the share that it is farthest."""
         places, ranges_m = self._ranges_across()
@@ -139,6 +146,7 @@ class StripeOptions(Struct, frozen=True):
             sigma_share=self.sigma_m(float(places[far])) / float(ranges_m[far]),
             is_plane=False,
             directions=directions,
+            light_normal=self._light_normal,
         )
 
     def describe(self) -> str:

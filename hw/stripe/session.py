@@ -3,15 +3,18 @@
 | state     | what it does                               | what ends it                        |
 |-----------|--------------------------------------------|-------------------------------------|
 | ASKING    | GET, once                                  | the head of an answer               |
-| MEASURING | takes the newest whole image of each step  | no good image for too long          |
+| MEASURING | takes a whole image in each step           | no good image for too long          |
 | WAITING   | nothing; then wants a fresh connection     | a new connection, or the pause      |
 
 On one connection a camera is asked once: it would not hear us over its stream. An image is decoded
-in `step` alone, and only the newest: what comes faster than steps is passed over, and counted.
+in `step` alone, one a step. One more waits for the next step, if its camera stamps images: of two
+that come at once without, the older one's instant is not known. What else comes is passed over, and
+counted.
 """
 
 import enum
 import math
+from collections import deque
 from typing import Any
 
 import numpy as np
@@ -28,6 +31,7 @@ from hw.stripe.times import ImageTimes
 ANSWER_S, PAUSE_S = 3.0, 1.0
 SILENCE_PERIODS, LEAST_SILENCE_S = 8, 2.0
 PIECE = 16_384  # bytes parsed at once
+MOST_WAITING = 2  # images for a step: 100 a second come now and then two between two steps
 SHARE_S, LEAST_SHARE = 0.2, 0.05  # of the columns with a line: its mean, below which is doubt
 SAME = "the same image again: the camera's picture stands still"
 
@@ -44,14 +48,17 @@ class Newest:
     """What the session hands to the step, and hears back."""
 
     def __init__(self) -> None:
-        self.maybe_jpeg: Jpeg | None = None
+        self.jpegs: deque[Jpeg] = deque()  # the oldest first, at most MOST_WAITING
         self.passed_over = 0  # images for which there was no step
         self.good_s = -math.inf  # when the newest good one came
         self.complaint = ""  # of the newest bad one
 
     def take(self, jpeg: Jpeg) -> None:
-        self.passed_over += self.maybe_jpeg is not None
-        self.maybe_jpeg = jpeg
+        most = 1 if jpeg.stamp_us is None else MOST_WAITING
+        while len(self.jpegs) >= most:
+            self.jpegs.popleft()
+            self.passed_over += 1
+        self.jpegs.append(jpeg)
 
 
 class StripeSession:
@@ -127,7 +134,8 @@ class StripeScanner(Device[PointSweep]):
         status = DeviceStatus("stripe")
 
         def begin() -> Session:
-            self._newest.maybe_jpeg, self._newest.complaint = None, ""
+            self._newest.jpegs.clear()
+            self._newest.complaint = ""
             return StripeSession(status, port, self._newest, request, patience_s).run()
 
         super().__init__(
@@ -140,11 +148,13 @@ class StripeScanner(Device[PointSweep]):
         )
 
     def step(self, now_s: float) -> list[PointSweep]:
-        """The sweep of the newest image since the last step; none while there is a doubt."""
+        """The sweep of the image that waits longest; none while there is a doubt."""
         super().step(now_s)
-        jpeg, self._newest.maybe_jpeg = self._newest.maybe_jpeg, None
-        if jpeg is None:
+        if not self._newest.jpegs:
             return []
+        jpeg = self._newest.jpegs.popleft()
+        if self._newest.jpegs:
+            self.due_s = -math.inf
         taken = self._taken(jpeg)
         if isinstance(taken, BadFrame):
             self.status.reject(taken)
@@ -180,7 +190,7 @@ class StripeScanner(Device[PointSweep]):
 
     @property
     def has_heard(self) -> bool:
-        return self._newest.maybe_jpeg is not None
+        return bool(self._newest.jpegs)
 
     @property
     def clock_uncertainty_s(self) -> float:

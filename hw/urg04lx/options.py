@@ -85,6 +85,7 @@ class Urg04lxOptions(Struct, frozen=True):
             sigma_m=sigma_m,
             sigma_share=sigma_share,
             is_plane=True,
+            light_normal=(0.0, 0.0, 1.0),
             directions=np.stack([np.cos(used_rad), np.sin(used_rad), 0 * used_rad], axis=1),
         )
 

@@ -125,6 +125,10 @@ def test_its_keys_are_its_own_and_more_rays_than_it_has_reach_no_kernel() -> Non
         shipped(scanner={**KEYS, "echo": "first"})
     with pytest.raises(ConfigError, match=r"reference_plane.* needs a scanner of one plane"):
         shipped(scanner=KEYS, map={"method": "reference_plane"})
+    with pytest.raises(
+        ConfigError, match=r"certainty.* returns all lie in one plane across its way"
+    ):
+        shipped(scanner=KEYS, map={"method": "certainty"})
     loop = ClosedLoop(shipped(scanner=KEYS), Scene("hall", (FLOOR,)), drives=False)
     nowhere = np.zeros((2000, 3))
     many = PointSweep(nowhere, nowhere, np.ones((1, 2000)), np.zeros(2000), 0, 0.0)

@@ -7,6 +7,9 @@ import pytest
 
 from app import App, Ports
 from config_file import load_config, with_changes
+from core.config import ConfigError
+from core.map_settings import Method
+from core.records import FREE, OBSTACLE
 from fakes.scenes.scene import Scene, Solid
 from fakes.stripe.device import FakeStripe
 from tests import ROOT
@@ -87,16 +90,28 @@ def begun() -> StripeLoop:
     return loop
 
 
+def test_certainty_takes_no_line_that_runs_up_the_image() -> None:
+    up = {"along": "rows", "baseline_m": 0.12}
+    assert with_changes(RAGNO, scanner=up).scanner.options.spec.light_normal is None
+    with pytest.raises(ConfigError, match="one plane across its way, and 'stripe' as set has none"):
+        with_changes(RAGNO, scanner=up, map={"method": "certainty"})
+
+
 @pytest.mark.slow
-def test_heights_of_boxes_that_the_line_passes_over_are_true_to_five_millimetres() -> None:
-    config = with_changes(RAGNO, scanner={"mount_x_m": 0.40})  # it must not run into them
+@pytest.mark.parametrize("method", ["surface", "certainty"])
+def test_heights_of_boxes_that_the_line_passes_over_are_true_to_five_millimetres(
+    method: Method,
+) -> None:
+    ahead: dict[str, Any] = {"mount_x_m": 0.40}  # it must not run into them
+    config = with_changes(RAGNO, scanner=ahead, map={"method": method})
     way: dict[str, Any] = {"waypoints": ((0.95, 0.0),), "speed_mps": 0.2}
     loop = StripeLoop(LOW, HIGH, config=config, **way)
     loop.set(mount_m=(0.40, 0.0, 0.40))
     loop.run(8.3)
     assert 0.9 < loop.rig.world.pose()[0] < 0.97
     maps = loop.app.mapper.maps
-    grid, heights_m = maps.window.grid, told_heights(maps)  # type: ignore[arg-type]
+    grid, states = maps.window.grid, loop.map_now()
+    heights_m = told_heights(maps)  # type: ignore[arg-type]
     x_m = (grid.corner_i + np.arange(grid.size)) * grid.cell_m
     y_m = (grid.corner_j + np.arange(grid.size)) * grid.cell_m
     for box in (LOW, HIGH):
@@ -105,10 +120,29 @@ def test_heights_of_boxes_that_the_line_passes_over_are_true_to_five_millimetres
         on_box = heights_m[np.ix_(rows, columns)]
         assert on_box.size >= 9
         assert np.abs(on_box - box.z[1]).max() < 0.005
-        assert (loop.map_now()[np.ix_(rows, columns)] == 1).all()
+        assert (states[np.ix_(rows, columns)] == OBSTACLE).all()
     before = heights_m[np.ix_(np.abs(y_m) < 0.2, (x_m > 0.95) & (x_m < 1.4))]
     assert np.abs(before).max() < 0.005
+    assert (states == FREE).sum() > 150
     assert loop.scanner.status.rejected == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["surface", "certainty"])
+def test_of_a_hundred_images_a_second_none_is_lost(method: Method) -> None:
+    config = with_changes(RAGNO, scanner={"rate_hz": 100.0}, map={"method": method})
+    loop = StripeLoop(config=config)
+    loop.set(rate_hz=100.0)
+    loop.run(1.0)
+    counts = loop.app.mapper.counts
+    before = counts.scans_added, counts.scans_dropped
+    loop.run(3.0)
+    assert counts.scans_added - before[0] == pytest.approx(300, abs=2)
+    assert counts.scans_dropped == before[1]  # all of them until attitudes had come
+    assert loop.scanner.measured()["images_passed_over"] == 0
+    assert loop.scanner.status.rejected == 0
+    assert loop.planner.pose is not None
+    assert loop.planner.pose.health & SCANNER_FRESH
 
 
 FAULTS: list[tuple[dict[str, Any], str]] = [

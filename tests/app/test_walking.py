@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from config_file import load_config, with_changes
+from core.config import Config
 from core.mapping.footing import USUAL
 from core.mapping.layers import maybe_values
 from core.records import F64, FREE, I64, OBSTACLE
@@ -27,10 +28,10 @@ LOOK_S = 0.25
 NEAR_M = 0.015
 
 
-def cells_on(shape: Shape) -> tuple[I64, I64]:
+def cells_on(shape: Shape, cell_m: float = CELL_M) -> tuple[I64, I64]:
     """World indices (n,), (n,) of all cells that lie wholly on an upright box."""
     i, j = (
-        np.arange(math.ceil(low / CELL_M - 1e-6), math.floor(high / CELL_M + 1e-6), dtype=np.int64)
+        np.arange(math.ceil(low / cell_m - 1e-6), math.floor(high / cell_m + 1e-6), dtype=np.int64)
         for low, high in (shape.x, shape.y)
     )
     all_i, all_j = np.meshgrid(i, j)
@@ -41,11 +42,11 @@ def free_cells(loop: ClosedLoop) -> set[tuple[str, int, int]]:
     """Cells of boxes that the map holds, or the planner has been told, to be free."""
     grid, states, found = loop.app.mapper.maps.window.grid, loop.map_now(), set()
     for box in BOXES:
-        for i, j in zip(*(part.tolist() for part in cells_on(box)), strict=True):
+        for i, j in zip(*(part.tolist() for part in cells_on(box, grid.cell_m)), strict=True):
             col, row = i - grid.corner_i, j - grid.corner_j
             if not (0 <= col < grid.size and 0 <= row < grid.size):
                 continue
-            told = loop.planner.cell_at((i + 0.5) * CELL_M, (j + 0.5) * CELL_M)
+            told = loop.planner.cell_at((i + 0.5) * grid.cell_m, (j + 0.5) * grid.cell_m)
             if states[row, col] == FREE or told == FREE_TOLD:
                 found.add((box.name, i, j))
     return found
@@ -61,8 +62,9 @@ def footholds_and_their_true_steps(loop: ClosedLoop) -> tuple[F64, list[float]]:
     return told, steps_m
 
 
-def test_a_walking_robot_tells_the_heights_of_boxes_and_none_of_their_cells_is_free() -> None:
-    loop = ClosedLoop(MESSOR, STONES)
+def walked(config: Config) -> tuple[ClosedLoop, set[tuple[str, int, int]]]:
+    """A loop after the walk past both boxes; and what was free of them at any time."""
+    loop = ClosedLoop(config, STONES)
     system = loop.positioning
     usual = system.sigma_m, system.sigma_z_m, system.sigma_rad
     system.sigma_m = system.sigma_z_m = system.sigma_rad = 1e-3  # until the map has its frame
@@ -73,6 +75,11 @@ def test_a_walking_robot_tells_the_heights_of_boxes_and_none_of_their_cells_is_f
     while loop.since_begin_s < 14.0:
         loop.run(LOOK_S)
         wrong |= free_cells(loop)
+    return loop, wrong
+
+
+def test_a_walking_robot_tells_the_heights_of_boxes_and_none_of_their_cells_is_free() -> None:
+    loop, wrong = walked(MESSOR)
     maps = loop.app.mapper.maps
     for box in BOXES:
         cells = cells_on(box)
@@ -92,3 +99,26 @@ def test_a_walking_robot_tells_the_heights_of_boxes_and_none_of_their_cells_is_f
     assert sum(step_m > USUAL.step_m for step_m in steps_m) < 0.01 * len(steps_m)
     assert int((loop.map_now() == FREE).sum()) > 200  # most floor was looked at once only
     assert loop.app.mapper.counts.erased == 0
+
+
+@pytest.mark.slow
+def test_in_cells_of_five_millimetres_a_third_is_known_to_a_few_millimetres() -> None:
+    cell_m = 0.005
+    fine = {"cells": 401, "cell_m": cell_m}
+    loop, wrong = walked(with_changes(MESSOR, map=fine, obstacle={"window_cells": 401}))
+    maps = loop.app.mapper.maps
+    assert wrong == set()
+    for box in BOXES:
+        told_m = maybe_values(maps, "z", *cells_on(box, cell_m))
+        assert told_m is not None
+        [top_m] = STONES.height_at([sum(box.x) / 2], [sum(box.y) / 2])
+        assert float(np.nanmedian(told_m)) == pytest.approx(top_m, abs=0.004), box.name
+    i, j = (part.ravel() for part in np.meshgrid(np.arange(100, 280), np.arange(-100, 100)))
+    told_m = maybe_values(maps, "z", i, j)
+    assert told_m is not None
+    off_m = np.abs(told_m - STONES.height_at((i + 0.5) * cell_m, (j + 0.5) * cell_m))
+    known = np.isfinite(off_m)
+    assert float(known.mean()) > 0.3  # two scans lie a centimetre apart
+    middle_m, most_m = np.quantile(off_m[known], (0.5, 0.9))
+    assert middle_m < 0.0025
+    assert most_m < 0.007

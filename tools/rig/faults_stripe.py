@@ -13,6 +13,7 @@ NO_IMAGE = "no image for some periods: the input is stale, free cells are taken 
 NEXT = "an image or two are missing; with more of them the input is stale"
 NO_LINE = "the camera sees no line of the laser"
 LENS = f"{BLIND}: the line lies where other ground would have it"
+PASSED = "ground that it has not seen stops it; nearer than its line no image looks at it again"
 SIGHT = "the line is seen less well, or looks like obstacles"
 
 _SCANNER = (
@@ -36,16 +37,16 @@ _SCANNER = (
     stops("scanner.laser", NO_LINE, "0"),
     either("scanner.laser", SIGHT, "0.3"),
     stops("scanner.colour", NO_LINE, "green"),
-    either("scanner.line_px", SIGHT, "8"),
+    either("scanner.line_px", PASSED, "8", again=False),
     goes_on("scanner.speckle", "the centre of gravity is over the line's width", "0.5"),
-    either("scanner.fan_deg", "a shorter line: less ground is seen", "10"),
+    either("scanner.fan_deg", PASSED, "10", again=False),
     either("scanner.along", f"{BLIND}: a line up the image is one in few columns", "rows"),
     either("scanner.exposure", SIGHT, "0.3"),
     either("scanner.exposure", SIGHT, "4"),
     goes_on("scanner.auto_exposure", "the line stands out as well"),
     either("scanner.noise", SIGHT, "4"),
     stops("scanner.ambient", NO_LINE, "sun"),
-    either("scanner.ambient", "pools of sunlight: ground that is not seen stops", "window"),
+    either("scanner.ambient", PASSED, "window", again=False),
     goes_on("scanner.ambient", "the laser is all the light that it needs", "dark"),
     either("scanner.reflectivity", SIGHT, "0.1"),
     either("scanner.texture", SIGHT, "0.9"),

@@ -1,7 +1,8 @@
 """Plausibility limit: by how much the elevation of one cell can change between two scans.
 
-What a scanner of one plane can meet over a place (x, y) lies in its plane of light, whatever stands
-there. With its normal n, a point p of it, and q from the origin of the body to p:
+What a scanner of one plane, or a camera beside a plane of laser light, can meet over a place (x, y)
+lies in that plane of light, whatever stands there. With its normal n, a point p of it, and q from
+the origin of the body to p:
 
     dz/dx = n_x / n_z    dz/dy = n_y / n_z    dz/dd_z = 1     of the body's motion
     dz/da = n . (axis_a x q) / n_z            a: yaw, pitch, roll, each about its own axis
@@ -75,12 +76,12 @@ def _vector(of: F64) -> tuple[float, float, float]:
     return float(of[0]), float(of[1]), float(of[2])
 
 
-def frame_of(rpy_rad: tuple[float, float, float], origin_map: F64, R_body_sensor: F64) -> Frame:
-    """Of a body with these angles at (3,) metres, map frame."""
+def frame_of(rpy_rad: tuple[float, float, float], origin_map: F64, normal_body: F64) -> Frame:
+    """Of a body with these angles at (3,) metres, map frame; normal_body (3,): of the light."""
     roll, pitch, yaw = rpy_rad
     R_map_body = R_from_rpy(roll, pitch, yaw)
     return Frame(
-        normal=_vector(R_map_body @ R_body_sensor[:, 2]),
+        normal=_vector(R_map_body @ normal_body),
         pitch_axis=(-math.sin(yaw), math.cos(yaw), 0.0),
         roll_axis=_vector(R_map_body[:, 0]),
         origin=_vector(np.asarray(origin_map)),

@@ -93,6 +93,12 @@ def map_scan(
     return count, decide(about.at[: about.used[0]], cells, body, oldest_s, rules, shown, used)
 
 
+def bearings_of(directions: F64) -> tuple[float, float]:
+    """First bearing and mean step of rays (n, 3) of one lens, side by side, sensor frame."""
+    first, last = (math.atan2(directions[k, 1], directions[k, 0]) for k in (0, -1))
+    return first, (last - first) / max(1, len(directions) - 1)
+
+
 def rules_of(config: Config) -> Rules:
     """What the settings tell."""
     given, obstacle = config.certainty, config.obstacle
@@ -120,11 +126,15 @@ class CertaintyMaps:
         self._geometry = BeamGeometry.of(scanner)
         mount_deg = scanner.mount_roll_deg, scanner.mount_tilt_deg, scanner.mount_yaw_deg
         self._R_body_sensor = R_from_rpy(*map(math.radians, mount_deg))
+        spec = scanner.options.spec
+        assert spec.light_normal is not None  # likewise
+        self._is_fan, self._normal_body = spec.is_plane, self._R_body_sensor @ spec.light_normal
+        self._bearings = bearings_of(spec.directions)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
         self.window = ObstacleWindow(config.obstacle.window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
-        count, beams = config.map.cells**2, scanner.options.spec.max_beams
+        count, beams = config.map.cells**2, spec.max_beams
         self.cells = Cells(
             height_m=self.grid.layer(np.float64, math.nan).reshape(-1),
             low_m=self.grid.layer(np.float64, math.nan).reshape(-1),
@@ -158,8 +168,8 @@ class CertaintyMaps:
 
     def add(self, scan: Scan | PointSweep, attitudes: AttitudeRing, odometry: Track) -> int:
         """Take a scan that both cover; how many readings were mapped, of this scan or the last."""
-        if not isinstance(scan, Scan):
-            raise ValueError("method certainty is made for scanners of one plane")
+        if self._is_fan and not isinstance(scan, Scan):
+            raise ValueError("method certainty knows rays of no plane: its scanner sends fans")
         rays = self._geometry.cast(scan, attitudes, odometry)
         self._body = body_pose_at(rays.t_s, attitudes, odometry)
         lens_x_m, lens_y_m = float(rays.origins[-1, 0]), float(rays.origins[-1, 1])
@@ -176,12 +186,19 @@ class CertaintyMaps:
         return used
 
     def _take(
-        self, scan: Scan, rays: Sweep, rpy_rad: tuple[float, float, float], yaw_start_rad: float
+        self,
+        scan: Scan | PointSweep,
+        rays: Sweep,
+        rpy_rad: tuple[float, float, float],
+        yaw_start_rad: float,
     ) -> None:
         """A scan with what is likely no surface taken out, and the limits of its readings."""
         newest, settings = self._scans[-1], self._settings
         n = scan.ranges_m.shape[1]
-        newest.beams, newest.t_s = (n, scan.first_rad, scan.step_rad), rays.t_s
+        first_rad, step_rad = self._bearings
+        if isinstance(scan, Scan):
+            first_rad, step_rad = scan.first_rad, scan.step_rad
+        newest.beams, newest.t_s = (n, first_rad, step_rad), rays.t_s
         # a tilted plane is turned by less than the body, one that is upside down the other way
         self._turned_rad += math.remainder(rpy_rad[2] - self._yaw_rad, 2.0 * math.pi)
         self._yaw_rad = rpy_rad[2]
@@ -196,10 +213,10 @@ class CertaintyMaps:
         points += rays.origins
         roll, pitch, yaw = rpy_rad
         origin = np.array([self._body.x_m, self._body.y_m, self._body.z_m])
-        frame = frame_of((roll, pitch, yaw - yaw_start_rad), origin, self._R_body_sensor)
-        if self._step_rad != scan.step_rad:
-            self._step_rad = scan.step_rad
-            self._changes = changes_of(self._config, scan.step_rad)
+        frame = frame_of((roll, pitch, yaw - yaw_start_rad), origin, self._normal_body)
+        if self._step_rad != step_rad:
+            self._step_rad = step_rad
+            self._changes = changes_of(self._config, step_rad)
         self._limits_of(points, rays.rays, ranges_m, frame, self._changes, newest.limits_m[:n])
 
     def _map_due(self) -> int:

@@ -29,6 +29,10 @@ def jpeg(away_m: float, width: int = 640, line: bool = True, seed: int = 1) -> b
     return bytes(data)
 
 
+def stamped(data: bytes, at_s: float) -> bytes:
+    return part(data).replace(b"\r\n\r\n", b"\r\nX-Timestamp: %.6f\r\n\r\n" % at_s, 1)
+
+
 AGAIN = jpeg(1.0, seed=2)  # as NEAR, but for its noise
 NEAR, FAR, DARK, SMALL = jpeg(1.0), jpeg(2.0), jpeg(1.0, line=False), jpeg(1.0, width=320)
 
@@ -90,11 +94,24 @@ def test_each_image_is_a_sweep_at_its_instant() -> None:
     assert bench.scanner.measured()["line_share"] > 0.9
 
 
-def test_of_what_comes_at_once_the_newest_is_measured_alone() -> None:
+def test_of_images_without_a_stamp_that_come_at_once_the_newest_is_measured_alone() -> None:
     bench = begun()
     (sweep,) = bench.run(part(NEAR) + part(NEAR) + part(FAR))
     assert ahead_m(sweep) == pytest.approx(2.0, rel=0.01)
     assert bench.scanner.measured()["images_passed_over"] == 2
+
+
+def test_of_stamped_ones_the_two_newest_are_measured_one_a_step() -> None:
+    bench = begun()
+    assert len(bench.run(stamped(AGAIN, 7.0), 0.1)) == 1
+    (near,) = bench.run(stamped(AGAIN, 7.08) + stamped(NEAR, 7.09) + stamped(FAR, 7.1))
+    assert bench.scanner.has_heard
+    assert bench.scanner.due_s < bench.now_s  # it wants the next step, though no byte may come
+    (far,) = bench.run()
+    assert not bench.scanner.has_heard
+    assert [ahead_m(one) for one in (near, far)] == pytest.approx([1.0, 2.0], rel=0.01)
+    assert far.times_s[0] - near.times_s[0] == pytest.approx(0.01, abs=1e-3)
+    assert bench.scanner.measured()["images_passed_over"] == 1
 
 
 def test_another_resolution_is_told_and_the_right_one_goes_on() -> None:

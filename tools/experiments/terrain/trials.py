@@ -28,7 +28,10 @@ from tools.experiments.terrain.urg import Mount, Urg
 
 STEEP, FLAT = Mount(0.35, 55.0), Mount(0.50, 35.0)  # c and b of docs/terrain.md
 STRIPE = Mount(0.40, 40.0, is_stripe=True)  # as in robots/ragno.toml
-BY_STRIPE = ("surface",)  # the other methods take beams of one lens alone
+BY_STRIPE = (  # the reference plane takes beams of one lens alone
+    *(f"certainty, {steps}" for steps in ("none", "all", "all, filled")),
+    "surface",
+)
 BOXES = Region((0.60, 1.00), (-0.40, 0.40), 0.005)
 SINGLE = Region((0.60, 1.00), (-0.40, 0.40), 0.010)
 ROCKY = Region((0.0, scenes.ROCKY_M), (-scenes.ROCKY_M / 2, scenes.ROCKY_M / 2), 0.010)

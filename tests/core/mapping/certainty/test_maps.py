@@ -170,7 +170,7 @@ def test_another_pattern_of_beams_supports_nothing_and_an_image_is_refused() -> 
     assert robot.scan(FLOOR_M[:-1]) == 0
     nowhere = np.zeros((1, 3))
     image = PointSweep(nowhere, nowhere, np.ones((1, 1)), np.ones(1), 0, 1.0)
-    with pytest.raises(ValueError, match="scanners of one plane"):
+    with pytest.raises(ValueError, match="its scanner sends fans"):
         robot.maps.add(image, robot._attitudes, robot._odometry)
 
 

@@ -68,7 +68,7 @@ def plan_coverage(
     """
     free = repaired(floor)
     begin = dock if start is None else start
-    space = _space_at(free, machine, begin)
+    space = space_at(free, machine, begin)
     angle = main_angle(free, machine.width_m) if angle_rad is None else angle_rad
     target = grown(space, machine.width_m / 2).intersection(free)
     todo = target if clean is None else target.difference(repaired(clean))
@@ -98,7 +98,7 @@ def main_angle(floor: BaseGeometry, width_m: float) -> float:
     return float(angles[np.argmax(np.round(votes, 6))])
 
 
-def _space_at(free: MultiPolygon, machine: Machine, begin: Point | None) -> Polygon:
+def space_at(free: MultiPolygon, machine: Machine, begin: Point | None) -> Polygon:
     """The part of the space that the machine is in, or the largest. Raises FloorError."""
     parts = polygons_in(narrowed(free, machine.margin_m))
     if not parts:

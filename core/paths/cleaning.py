@@ -1,0 +1,186 @@
+"""Cleaning a floor that nobody knows: look at it, sweep it, sweep what is left, go home.
+
+What is free is what was seen and where no thing is known; nothing else gets a path. A plan is made
+anew from what is clean and what is free now, never from a place in the old one. It drives nothing
+and reads no clock: whoever drives says where the machine is, what it sees and when to plan.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from core.paths.coverage import plan_coverage, space_at
+from core.paths.frontiers import Block, Viewpoint, frontier_blocks, next_viewpoint
+from core.paths.records import Machine, Segment
+from core.paths.seen_floor import SeenFloor
+from core.paths.space import FloorError, grown, polygons_in
+from core.paths.visibility import VisibilityGraph
+from core.records import F64
+
+Goal = Literal["look", "sweep", "home", "wait", "done"]
+Place = tuple[float, float, float]  # x, y, yaw
+LOOKS = 2  # at one frontier, at most: what is still unseen is seen while sweeping, or never
+AT_DOCK_M = 0.25  # from there the dock can be got to
+TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
+ARC = 16  # corners of the machine's outline
+CLEAR_M = 0.08  # around the machine, that is clear where it starts
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CleaningSettings:
+    """How a machine cleans."""
+
+    machine: Machine
+    cell_m: float  # of seen and of clean floor
+    size_m: float  # edge of the square around the start that is known at most
+    seen_frames: int  # so often a cell must be seen to be free
+    start_clear_m: float  # so far before the dock somebody has looked at the floor
+    guard_m: float  # kept from the outlines of things, besides the machine's clearance
+    explained_m: float  # unseen floor so near to a thing or a wall is no reason to look
+    sliver_m: float  # what is left unswept and narrower gets no lane
+    enough: float  # share of the floor that may be left at the end
+    rounds: int  # plans for what is left, at most, besides those round what barred the way
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Task:
+    """What to drive next."""
+
+    goal: Goal
+    segments: tuple[Segment, ...] = ()
+    yaw: float | None = None  # to turn to at the end
+    viewpoint: Viewpoint | None = None
+
+
+class Cleaning:
+    """One floor, from the dock and back to it."""
+
+    def __init__(self, settings: CleaningSettings, dock: Place) -> None:
+        s = self.settings = settings
+        self._dock = dock
+        at = dock[0], dock[1]
+        self.floor = SeenFloor(at, s.size_m, s.cell_m, s.seen_frames)
+        self.clean = SeenFloor(at, s.size_m, s.cell_m, 1)
+        lane = np.array([[0.0, -1.0], [1.0, -1.0], [1.0, 1.0], [0.0, 1.0]])
+        lane *= [s.start_clear_m, s.machine.radius_m + CLEAR_M]
+        c, sin = math.cos(dock[2]), math.sin(dock[2])
+        self.floor.vouch(lane @ np.array([[c, sin], [-sin, c]]) + at)
+        self.floor.vouch(disc(at, s.machine.radius_m + CLEAR_M))
+        self._things: list[Polygon] = []
+        self._looks = Counter[Block]()  # at frontiers, so far
+        self._rounds = 0
+
+    def see(self, view: F64, standing: Iterable[Polygon]) -> None:
+        """A frame's view (n, 2), and all near the machine that is known to stand or to move."""
+        self.floor.add(view)
+        for one in standing:
+            self.floor.doubt(_outline(one.buffer(self.settings.cell_m)))
+
+    def drive(self, begin: Place, end: Place, sweeps: bool) -> None:
+        """The machine has gone there: no thing stands where it stands."""
+        machine = self.settings.machine
+        self.floor.vouch(disc(end[:2], machine.radius_m))
+        if sweeps:
+            line = shapely.LineString([begin[:2], end[:2]]) if begin[:2] != end[:2] else None
+            band = shapely.Point(end[:2]) if line is None else line
+            self.clean.add(_outline(band.buffer(machine.width_m / 2)))
+
+    def free(self, things: Sequence[Polygon]) -> BaseGeometry:
+        """Where the machine's outline may be: seen, and away from things."""
+        guard_m = self.settings.guard_m
+        bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in things])
+        return self.floor.free().difference(bars)
+
+    def plan(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
+        """What to drive next.
+
+        Args:
+            things: outlines of all that is known to stand or to move, walls too.
+            may_look: False: something barred the way; go on as before, whatever is unseen.
+        """
+        self._things = list(things)
+        here = place[0], place[1]
+        try:
+            free = self.free(things)
+            space = space_at(MultiPolygon(polygons_in(free)), self.settings.machine, here)
+        except FloorError:
+            return Task("wait")
+        graph = VisibilityGraph(space)
+        if may_look and (task := self._look(space, graph, place)) is not None:
+            return task
+        self._rounds += may_look
+        return self._sweep(free, space, here) or self._home(space, graph, place)
+
+    def frontiers(self, things: Sequence[Polygon]) -> set[Block]:
+        """Names of the frontiers that there are."""
+        near = [one.buffer(self.settings.explained_m) for one in things]
+        return set(frontier_blocks(self.floor, self.floor.mask_of(near)))
+
+    def _look(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task | None:
+        near = [one.buffer(self.settings.explained_m) for one in self._things]
+        blocks = frontier_blocks(self.floor, self.floor.mask_of(near))
+        left = {name: at for name, at in blocks.items() if self._looks[name] < LOOKS}
+        bars = shapely.union_all(self._things)
+        seen_from = next_viewpoint(left, space, bars, place)
+        if seen_from is None:
+            return None
+        self._looks[seen_from.block] += 1
+        way = self._way(space, graph, place, seen_from.place)
+        if way is None:
+            return self._look(space, graph, place)
+        (x, y), (at_x, at_y) = seen_from.place, seen_from.frontier
+        return Task("look", (Segment("travel", way),), math.atan2(at_y - y, at_x - x), seen_from)
+
+    def _way(
+        self, space: Polygon, graph: VisibilityGraph, place: Place, goal: tuple[float, float]
+    ) -> F64 | None:
+        """From the machine to a goal, by way of the nearest place where it has room."""
+        ends = [shapely.Point(place[:2]), shapely.Point(goal)]
+        a, b = (shapely.get_coordinates(shapely.shortest_line(space, end))[0] for end in ends)
+        way = graph.way(a, b)
+        if way is None:
+            return None
+        return np.vstack([[place[:2]], way])
+
+    def _sweep(self, free: BaseGeometry, space: Polygon, here: tuple[float, float]) -> Task | None:
+        s = self.settings
+        target = grown(space, s.machine.width_m / 2).intersection(free)
+        swept = self.clean.area()
+        left = target.difference(swept)
+        wide = left.buffer(-s.sliver_m / 2).buffer(s.sliver_m / 2)
+        if self._rounds > s.rounds or wide.area <= s.enough * target.area:
+            return None
+        done = target.difference(wide)
+        try:
+            plan = plan_coverage(free, s.machine, here, self._dock[:2], clean=done)
+        except FloorError:
+            return None
+        if not any(segment.kind == "sweep" for segment in plan.segments):
+            return None
+        return Task("sweep", plan.segments)
+
+    def _home(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task:
+        if space.distance(shapely.Point(self._dock[:2])) > AT_DOCK_M:  # something parts it off
+            return Task("look", (), place[2] + TURN_RAD)
+        way = self._way(space, graph, place, self._dock[:2])
+        if way is None:
+            return Task("wait")
+        return Task("home", (Segment("travel", way),), self._dock[2])
+
+
+def disc(at: Sequence[float], radius_m: float) -> F64:
+    """A round outline (n, 2), within the true circle."""
+    angle = np.arange(ARC) * (math.tau / ARC)
+    return np.array(at) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def _outline(polygon: Polygon) -> F64:
+    ring: F64 = shapely.get_coordinates(polygon.exterior)[:-1]
+    return ring

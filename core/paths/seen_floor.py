@@ -1,0 +1,160 @@
+"""Floor that was seen, in cells: what a machine may drive on, and what it has not seen yet.
+
+A cell counts how often all of it lay in a view, and down where something stood. It is free only
+from `least` on; what was taken away has to be seen anew. What is thinner than a cell may lie unseen
+between its corners: things are to be taken away by outlines of their own. Outside of its square
+nothing is known. Map frame, metres.
+"""
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+import numpy.typing as npt
+import shapely
+from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from core.paths.space import polygons_in
+from core.records import F64
+from jit import kernel
+
+U8 = npt.NDArray[np.uint8]
+Mask = npt.NDArray[np.bool_]
+MOST = 12  # that a cell counts to: what was there longer takes no longer to be doubted
+DOUBT = 4  # of these a frame takes away in which something stands there
+
+
+@kernel
+def _fill(points: F64, cell_m: float, crossings: F64, nodes: U8) -> None:
+    """Set nodes (n, m) that lie in a ring (k, 2): node i, j is at i * cell_m, j * cell_m."""
+    count = len(points)
+    for i in range(nodes.shape[0]):
+        x, found = i * cell_m, 0
+        for k in range(count):
+            ax, ay = points[k, 0], points[k, 1]
+            bx, by = points[(k + 1) % count, 0], points[(k + 1) % count, 1]
+            if (ax <= x) != (bx <= x):
+                y = ay + (x - ax) * (by - ay) / (bx - ax)
+                place = found
+                while place > 0 and crossings[place - 1] > y:
+                    crossings[place] = crossings[place - 1]
+                    place -= 1
+                crossings[place] = y
+                found += 1
+        for k in range(0, found - 1, 2):
+            first = max(0, math.ceil(crossings[k] / cell_m))
+            last = min(nodes.shape[1] - 1, math.floor(crossings[k + 1] / cell_m))
+            for j in range(first, last + 1):
+                nodes[i, j] = 1
+
+
+class SeenFloor:
+    """A square of cells around a place.
+
+    Args:
+        least: so often a cell must be seen to be free.
+    """
+
+    def __init__(
+        self, middle: tuple[float, float], size_m: float, cell_m: float, least: int
+    ) -> None:
+        self.cell_m, self._least = cell_m, least
+        cells = math.ceil(size_m / cell_m)
+        self.low = np.floor((np.array(middle) - size_m / 2) / cell_m) * cell_m
+        self.count: U8 = np.zeros((cells, cells), np.uint8)
+        self._nodes: U8 = np.zeros((cells + 1, cells + 1), np.uint8)
+        self._used = np.array([cells, cells, 0, 0])  # lowest cell that was written, and highest
+
+    def add(self, view: F64) -> None:
+        """A view (n, 2): cells of which all four corners lie in it were seen once more."""
+        window, nodes = self._within(view)
+        whole = nodes[:-1, :-1] & nodes[1:, :-1] & nodes[:-1, 1:] & nodes[1:, 1:]
+        self._use(window)
+        count = self.count[window]
+        count += whole & (count < MOST)
+
+    def vouch(self, outline: F64) -> None:
+        """Floor known to be free otherwise: where the machine stands, where somebody looked."""
+        window, nodes = self._within(outline)
+        whole = nodes[:-1, :-1] & nodes[1:, :-1] & nodes[:-1, 1:] & nodes[1:, 1:]
+        self._use(window)
+        self.count[window][whole == 1] = self._least
+
+    def doubt(self, outline: F64) -> None:
+        """Something stands there, in this frame: all cells of which a corner lies in it."""
+        window, nodes = self._within(outline)
+        touched = nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]
+        count = self.count[window]
+        count -= np.minimum(count, touched * np.uint8(DOUBT))
+
+    def _use(self, window: tuple[slice, slice]) -> None:
+        for axis, part in enumerate(window):
+            self._used[axis] = min(self._used[axis], part.start)
+            self._used[axis + 2] = max(self._used[axis + 2], part.stop)
+
+    @property
+    def window(self) -> tuple[slice, slice]:
+        """The cells among which all seen ones are, and one more on each side."""
+        i0, j0, i1, j1 = self._used.tolist()
+        most = len(self.count)
+        return slice(max(0, i0 - 1), min(most, i1 + 1)), slice(max(0, j0 - 1), min(most, j1 + 1))
+
+    def _within(self, ring: F64) -> tuple[tuple[slice, slice], U8]:
+        """The window of cells around a ring, and its nodes, which are 1 inside."""
+        if len(ring) < 3 or not np.isfinite(ring).all():
+            return (slice(0, 0), slice(0, 0)), np.zeros((1, 1), np.uint8)
+        own = (np.asarray(ring, np.float64) - self.low) / self.cell_m
+        cells = len(self.count)
+        (i0, j0), (i1, j1) = (
+            np.clip(edge, 0, cells).astype(int).tolist()
+            for edge in (np.floor(own.min(axis=0)), np.ceil(own.max(axis=0)))
+        )
+        nodes = self._nodes[i0 : i1 + 1, j0 : j1 + 1]
+        nodes[:] = 0
+        if i1 > i0 and j1 > j0:
+            _fill(own - [i0, j0], 1.0, np.empty(len(ring) + 1), nodes)
+        return (slice(i0, i1), slice(j0, j1)), nodes
+
+    def is_seen(self) -> Mask:
+        """(n, m) along x and y, of the cells in `window`."""
+        return np.asarray(self.count[self.window] >= self._least)
+
+    def is_free(self, outline: F64) -> bool:
+        """Whether all cells whose corners lie in an outline (n, 2) are seen."""
+        window, nodes = self._within(outline)
+        touched = nodes[:-1, :-1] & nodes[1:, 1:]
+        return bool((self.count[window][touched == 1] >= self._least).all())
+
+    def mask_of(self, polygons: Iterable[Polygon]) -> Mask:
+        """Cells of `window` that polygons touch with a corner."""
+        mask = np.zeros(self.count.shape, dtype=bool)
+        for polygon in polygons:
+            window, nodes = self._within(shapely.get_coordinates(polygon.exterior)[:-1])
+            mask[window] |= (nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]) == 1
+        return np.asarray(mask[self.window])
+
+    def centres(self, cells: npt.NDArray[np.int64]) -> F64:
+        """(n, 2) m of cells (n, 2), counted within `window`."""
+        first = np.array([part.start for part in self.window])
+        return np.asarray(self.low + (cells + first + 0.5) * self.cell_m)
+
+    def area(self) -> BaseGeometry:
+        """Seen cells as polygons; where only corners touch, they are parted."""
+        rows, across = self.window
+        mask = self.count[rows, across] >= self._least
+        padded = np.zeros((len(mask), mask.shape[1] + 2), dtype=np.int8)
+        padded[:, 1:-1] = mask
+        edges = np.diff(padded, axis=1)
+        which, begins = np.nonzero(edges == 1)
+        ends = np.nonzero(edges == -1)[1] + across.start
+        left, begins = which + rows.start, begins + across.start
+        x0, x1 = (self.low[0] + edge * self.cell_m for edge in (left, left + 1))
+        y0, y1 = (self.low[1] + edge * self.cell_m for edge in (begins, ends))
+        return shapely.union_all(shapely.box(x0, y0, x1, y1))  # neighbours share their edges
+
+    def free(self) -> MultiPolygon:
+        """Seen floor as polygons with few corners; all of them lies within the seen cells."""
+        off_m = 0.71 * self.cell_m  # half a cell's diagonal
+        inside = shapely.buffer(self.area(), -off_m, join_style="mitre")
+        return MultiPolygon(polygons_in(shapely.make_valid(shapely.simplify(inside, off_m))))

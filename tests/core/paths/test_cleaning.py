@@ -1,0 +1,102 @@
+"""Cleaning a floor that nobody knows: a perfect eye, and a machine that jumps along its path."""
+
+import math
+
+import numpy as np
+import shapely
+
+from core.paths.cleaning import Cleaning, CleaningSettings, Place, Task
+from core.paths.measures import swept_by
+from core.paths.records import Machine
+
+MACHINE = Machine(radius_m=0.35, clearance_m=0.03, width_m=0.6, overlap_m=0.03)
+SETTINGS = CleaningSettings(
+    machine=MACHINE, cell_m=0.05, size_m=20.0, seen_frames=1, start_clear_m=1.2, guard_m=0.03,
+    explained_m=0.3, sliver_m=0.08, enough=0.004, rounds=4,
+)  # fmt: skip
+ROOM = shapely.box(-0.7, -1.5, 5.0, 2.8)
+BOXES = [shapely.box(1.6, 0.9, 2.3, 1.5), shapely.box(3.6, -0.7, 3.9, -0.2)]
+FREE = ROOM.difference(shapely.union_all(BOXES))
+STEP_M = 0.2
+
+
+def view(place: Place) -> np.ndarray:
+    """What an eye sees from there, 4 m far, all but what is right below it."""
+    x, y, yaw = place
+    angles = yaw + np.radians(np.arange(-40.0, 40.1, 1.0))
+    ends = np.column_stack([x + 4.0 * np.cos(angles), y + 4.0 * np.sin(angles)])
+    rays = [shapely.LineString([(x, y), end]) for end in ends.tolist()]
+    far = np.array([_reach(ray) for ray in rays])
+    outer = np.array([x, y]) + (far - 0.02)[:, None] * np.column_stack(
+        [np.cos(angles), np.sin(angles)]
+    )
+    return np.vstack([outer, [[x, y]]])
+
+
+def _reach(ray: shapely.LineString) -> float:
+    met = ray.intersection(FREE.boundary)
+    return min(4.0, float(shapely.Point(ray.coords[0]).distance(met)) if not met.is_empty else 4.0)
+
+
+class Jumper:
+    """A machine that is where its path says, step by step."""
+
+    def __init__(self) -> None:
+        self.cleaning, self.place = Cleaning(SETTINGS, (0.0, 0.0, 0.0)), (0.0, 0.0, 0.0)
+        self.known = list(shapely.get_parts(shapely.union_all(BOXES)))
+        self.goals, self.swept = list[str](), list[np.ndarray]()
+
+    def go(self, task: Task) -> None:
+        """Drive a task; only where the machine has room."""
+        self.goals.append(task.goal)
+        for segment in task.segments:
+            if segment.kind == "sweep":
+                self.swept.append(segment.points)
+            line = shapely.LineString(segment.points)
+            assert FREE.buffer(1e-6).covers(line.buffer(MACHINE.radius_m - 0.001))
+            for at_m in [*np.arange(STEP_M, line.length, STEP_M), line.length]:
+                to = line.interpolate(at_m)
+                yaw = math.atan2(to.y - self.place[1], to.x - self.place[0])
+                self.jump((to.x, to.y, yaw), segment.kind == "sweep")
+        if task.yaw is not None:
+            self.jump((*self.place[:2], task.yaw), False)
+
+    def jump(self, place: Place, sweeps: bool) -> None:
+        self.cleaning.drive(self.place, place, sweeps)
+        self.place = place
+        self.cleaning.see(view(place), [])
+
+
+def test_it_looks_sweeps_and_comes_home_and_leaves_hardly_anything() -> None:
+    machine = Jumper()
+    machine.jump((0.0, 0.0, 0.0), False)
+    for _ in range(60):
+        machine.go(machine.cleaning.plan(machine.place, machine.known, may_look=True))
+        if machine.goals[-1] == "home":
+            break
+    assert {"look", "sweep"} <= set(machine.goals)
+    assert machine.goals[-1] == "home"
+    assert math.dist(machine.place[:2], (0.0, 0.0)) < 0.05
+    swept = swept_by(machine.swept, MACHINE.width_m / 2)
+    space = FREE.buffer(-MACHINE.margin_m - SETTINGS.guard_m - 0.08)
+    reachable = space.buffer(MACHINE.width_m / 2).intersection(FREE)
+    assert swept.intersection(reachable).area > 0.98 * reachable.area
+
+
+def test_what_stands_there_now_gets_no_path_and_what_was_not_seen_neither() -> None:
+    machine = Jumper()
+    machine.jump((0.0, 0.0, 0.0), False)
+    bar = shapely.box(1.2, -0.4, 1.4, 0.4)
+    task = machine.cleaning.plan(machine.place, [*machine.known, bar], may_look=False)
+    for segment in task.segments:
+        assert shapely.LineString(segment.points).distance(bar) > MACHINE.radius_m
+    unseen = FREE.difference(machine.cleaning.floor.area())
+    for segment in task.segments:
+        disc_m = MACHINE.radius_m - 0.08
+        assert shapely.LineString(segment.points).buffer(disc_m).intersection(unseen).area < 0.05
+
+
+def test_where_the_machine_has_no_room_it_waits() -> None:
+    machine = Jumper()
+    around = [ROOM.buffer(1.0)]
+    assert machine.cleaning.plan(machine.place, around, may_look=True).goal == "wait"

@@ -1,0 +1,54 @@
+"""Floor that was seen: free only where a view had it often enough, and never beyond."""
+
+import numpy as np
+import shapely
+
+from core.paths.seen_floor import SeenFloor
+
+CELL_M, LEAST = 0.05, 2
+random = np.random.default_rng(5)
+
+
+def star(middle: tuple[float, float], corners: int = 40) -> np.ndarray:
+    bearings = np.sort(random.uniform(0.0, 2.0 * np.pi, corners))
+    reach = 1.5 + 0.5 * np.sin(3.0 * bearings + random.uniform(0.0, 6.0))
+    away = np.column_stack([np.cos(bearings), np.sin(bearings)])
+    return np.asarray(np.array(middle) + reach[:, None] * away)
+
+
+def test_all_that_is_free_was_seen_as_often_as_asked() -> None:
+    floor, views = SeenFloor((0.3, -0.2), 6.0, CELL_M, LEAST), []
+    for _ in range(12):
+        views.append(star((random.uniform(-2.0, 2.0), random.uniform(-2.0, 2.0))))
+        floor.add(views[-1])
+    shapes = [shapely.make_valid(shapely.Polygon(view)) for view in views]
+    twice = shapely.union_all([a & b for k, a in enumerate(shapes) for b in shapes[:k]])
+    free = floor.free()
+    assert free.area > 0.75 * (twice & shapely.box(-2.7, -3.2, 3.3, 2.8)).area
+    assert free.difference(twice).area < 1e-6
+
+
+def test_where_something_stands_is_not_free_until_it_is_seen_again() -> None:
+    floor = SeenFloor((0.0, 0.0), 6.0, CELL_M, LEAST)
+    view = np.array([[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]])
+    person = np.array([[0.1, 0.1], [0.5, 0.1], [0.5, 0.4], [0.1, 0.4]])
+    for _ in range(LEAST):
+        floor.add(view)
+    assert floor.is_free(view)
+    floor.doubt(person)
+    assert not floor.is_free(view)
+    assert floor.free().intersection(shapely.Polygon(person)).area == 0.0
+    for _ in range(LEAST - 1):
+        floor.add(view)
+    assert not floor.is_free(view)
+    floor.add(view)
+    assert floor.is_free(view)
+
+
+def test_outside_and_without_sense_nothing_is_free() -> None:
+    floor = SeenFloor((0.0, 0.0), 2.0, CELL_M, LEAST)
+    far = np.array([[5.0, 5.0], [6.0, 5.0], [6.0, 6.0]])
+    for view in (far, np.zeros((0, 2)), np.full((4, 2), np.nan), 10.0 * far - 20.0):
+        floor.add(view)
+        floor.doubt(view)
+    assert floor.free().is_empty

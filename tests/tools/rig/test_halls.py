@@ -1,0 +1,80 @@
+"""The table of halls: what is true of a hall, and that it goes on where it ended."""
+
+import json
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+import shapely
+
+from fakes.scenes.halls import hall_of
+from tools.rig import halls
+from tools.rig.hall_run import MACHINE, REACH_CLEAR_M
+from tools.rig.hall_truth import Truth, band_of, gap_of, map_worth
+
+SMALL = (28.0, 30.0)
+PEOPLE = np.zeros((0, 3))
+
+
+def test_the_floor_that_the_tool_reaches_keeps_off_all_that_stands_there() -> None:
+    for seed in (2, 3):
+        truth = Truth(hall_of(seed))
+        free, reachable = truth.free_at(0.0), truth.reachable_at(0.0, MACHINE, REACH_CLEAR_M)
+        assert reachable.difference(free).area < 1e-9
+        assert 0.7 * free.area < reachable.area < free.area
+        assert reachable.distance(truth.bars_at(0.0)) > REACH_CLEAR_M
+
+
+def test_a_gap_is_measured_to_boxes_pillars_and_people() -> None:
+    boxes = np.array([[1.0, 2.0, -1.0, 1.0, 0.0], [-3.5, -2.5, -0.5, 0.5, 0.5]])
+    assert gap_of((0.0, 0.0, 1.0), boxes, PEOPLE) == pytest.approx(1.0)
+    assert gap_of((-2.0, 0.0, 1.0), boxes, PEOPLE) == pytest.approx(0.5)
+    assert gap_of((0.0, 0.0, 1.0), boxes, np.array([[0.0, 0.6, 0.22]])) == pytest.approx(0.38)
+
+
+def test_a_box_that_was_carried_away_stands_where_it_was_put() -> None:
+    hall = hall_of(3)
+    truth, (before, after) = Truth(hall), hall.moved
+    first, last = (shapely.Point(one.waypoints[0]) for one in (before, after))
+    for t_s, there in ((0.0, (True, False)), (before.until_s, (False, False))):
+        bars = truth.bars_at(t_s)
+        assert (bars.covers(first), bars.covers(last)) == there
+    assert truth.bars_at(after.from_s).covers(last)
+
+
+def test_the_band_is_what_the_tool_swept_and_no_more() -> None:
+    steps = [np.array([k * 0.1, 0.0, (k + 1) * 0.1, 0.0]) for k in range(20)]
+    steps += [np.array([3.0, 1.0, 3.0, 2.0])]
+    rounds = np.pi * 0.3**2
+    assert band_of(steps, 0.6).area == pytest.approx(0.6 * 3.0 + 2 * rounds, rel=0.01)
+
+
+def test_a_map_of_the_truth_is_without_fault_and_a_false_object_counts() -> None:
+    truth = Truth(hall_of(2))
+    outlines = truth.outlines()
+    worth = map_worth(truth, outlines, PEOPLE)
+    assert (worth.missed, worth.false, worth.fragments) == (0, 0, 0)
+    ghost = shapely.box(0.5, -0.2, 0.9, 0.2)
+    person = np.array([[0.7, 0.0, 0.22]])
+    worth = map_worth(truth, [*outlines[1:], outlines[1], ghost], person)
+    assert (worth.missed, worth.false, worth.fragments, worth.of_people) == (1, 1, 1, 1)
+
+
+def test_a_hall_that_was_run_before_is_read_and_not_run_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = halls.Row(
+        7, SMALL, 25.0, True, 0.98, 0.05, 0, 0.04, True, 300.0, 50.0, 12.0, 2, 0, 2, 0, 0, 0, 9, 0,
+        40.0,
+    )  # fmt: skip
+    path = tmp_path / "rows.jsonl"
+    path.write_text(json.dumps(msgspec.to_builtins(row)) + '\n{"seed": 8, "cov')
+    words = ["--seed", "7", "--runs", "1", "--rows", str(path), "--area", "28", "30"]
+    assert halls.main(words) == 0
+    told = capsys.readouterr()
+    assert halls.line_of(row, "7") in told.out
+    assert "lively: 98.0 % covered at least" in told.out
+    assert "a line is left out" in told.err
+    with pytest.raises(SystemExit):
+        halls.main(["--area", "5", "3"])

@@ -171,6 +171,11 @@ class Objects:
             return "suspect", "nothing looks for objects"
         return "known", ""
 
+    def is_stale(self, now_s: float) -> bool:
+        """Nobody tells of objects any more, or nobody looks for them: they may be anywhere."""
+        silent_s = now_s - self._arrived_s
+        return silent_s > LIST_STALE_S or self._look_ms / 1000 + silent_s > LOOK_STALE_S
+
     def age_s(self, told: LinkObject, now_s: float) -> float:
         """Since the object was seen, at least; inf: 65 s or more when it was told."""
         if told.forgotten:

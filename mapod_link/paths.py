@@ -103,13 +103,17 @@ class Path:
         """("known" | "suspect" | "none", why): what the path here is worth."""
         if not self.number:
             return "none", "no path told yet"
-        if now_s - self._arrived_s > PATH_STALE_S:
+        if self.is_stale(now_s):
             return "suspect", "the path comes late"
         if gaps != self._gaps:  # of another path, perhaps
             return "suspect", "a frame is missing"
         if self._damaged or not self.whole:
             return "suspect", "a piece is missing"
         return "known", ""
+
+    def is_stale(self, now_s: float) -> bool:
+        """Nobody tells of the path any more: it may be another one."""
+        return now_s - self._arrived_s > PATH_STALE_S
 
     def is_question_due(self, now_s: float) -> bool:
         """A piece has been missing for a while: it is to be asked for, and noted so."""

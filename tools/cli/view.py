@@ -22,6 +22,7 @@ from core.config import ConfigError
 from mapod_link.bodies import ZONE_STALE_S, StopZone
 from mapod_link.wires import wire_from_url
 from tools.cli.options import fail, number_in, parser_of
+from tools.terminal.outlines import lines_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
 from tools.terminal.processes import Stop
 from tools.terminal.screen import (
@@ -115,19 +116,21 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
     if planner.geom is None or planner.blank:
         console.print("no map has arrived")
         return
-    window, robot = planner.window(), maybe_robot(planner)
+    window, robot, lines = planner.window(), maybe_robot(planner), lines_of(planner, now_s)
     if has_screen(console):
-        console.print(map_text(window, robot, max(1, -(-window.shape[0] // console.width))))
+        factor = max(1, -(-window.shape[0] // console.width))
+        console.print(map_text(window, robot, factor, lines))
     else:
-        print(plain_map(window, robot), plain_legend(planner.geom.cell_m), sep="\n", flush=True)
+        drawn, legend = plain_map(window, robot, 1, lines), plain_legend(planner.geom.cell_m, lines)
+        print(drawn, legend, sep="\n", flush=True)
     span_s = now_s - end.meter.first_s
     kinds = ", ".join(f"{planner.accepted[number]} {name}" for number, name in KINDS.items())
-    lines = [
+    told = [
         *status_lines(planner, end.meter, now_s),
         labelled("run", f"{span_s:.1f} s, {kinds}, {end.meter.bytes / 1000:.0f} kB"),
         labelled("", f"{gaps} gaps, {planner.ignored.maps} maps of another geometry"),
     ]
-    for line in lines:
+    for line in told:
         console.print(line if has_screen(console) else Text(line.plain), soft_wrap=True)
 
 

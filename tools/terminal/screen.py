@@ -17,11 +17,23 @@ from rich.text import Text
 
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Pose
 from mapod_link.receiver import Receiver
+from tools.terminal.outlines import (
+    MOVING,
+    OBJECT,
+    PATH,
+    Lines,
+    lines_of,
+    objects_words,
+    path_words,
+)
 from tools.terminal.planner_end import Delays, Meter
 
 U8 = npt.NDArray[np.uint8]
 ROBOT = 3  # drawn over the cells
-COLOURS = {UNKNOWN: "#1c1c24", FREE: "#1f9d4d", OBSTACLE: "#e02b2b", ROBOT: "#ffae00"}
+COLOURS = {
+    UNKNOWN: "#1c1c24", FREE: "#1f9d4d", OBSTACLE: "#e02b2b", ROBOT: "#ffae00",
+    OBJECT: "#b98cff", MOVING: "#ff5fd2", PATH: "#6cc7ff",
+}  # fmt: skip
 HALVES = [[Style(color=COLOURS[a], bgcolor=COLOURS[b]) for b in COLOURS] for a in COLOURS]
 ARROW_STYLE = Style(color="#000000", bgcolor=COLOURS[ROBOT], bold=True)
 GOOD, POOR, BAD, LABEL = "green", "yellow", "bold red", "bright_black"
@@ -29,7 +41,8 @@ WORST_LAST = (FREE, UNKNOWN, OBSTACLE)
 ROBOT_RADIUS_M = 0.3
 ARROWS = "↑↖←↙↓↘→↗"  # counter-clockwise from map x
 LETTERS = "^<v>"
-SIGNS = " .#"  # by class
+SIGNS = " .#^om*"  # by class, and by what is drawn over it
+NO_LINES = Lines()
 PANEL_COLUMNS = 44
 MODES = ("booting", "running", "degraded", "fault", "replayed or simulated data")
 MISSING = ("scanner", "attitude sensor", "encoders", "clock lock", "pose", "map", "pace")
@@ -96,9 +109,10 @@ def cell_of_robot(robot: Robot, shape: tuple[int, int], factor: int) -> tuple[in
     return row // factor, col // factor
 
 
-def map_text(window: U8, robot: Robot | None, factor: int = 1) -> Text:
+def map_text(window: U8, robot: Robot | None, factor: int = 1, lines: Lines = NO_LINES) -> Text:
     full = image_from_window(window)
     image = downsampled(full, factor).copy()
+    lines.draw(image, window.shape, factor)
     if robot is None:
         return half_blocks(image, HALVES)
     row, col = cell_of_robot(robot, full.shape, factor)
@@ -132,9 +146,10 @@ def half_blocks(
     return text
 
 
-def plain_map(window: U8, robot: Robot | None, factor: int = 1) -> str:
+def plain_map(window: U8, robot: Robot | None, factor: int = 1, lines: Lines = NO_LINES) -> str:
     full = image_from_window(window)
-    image = downsampled(full, factor)
+    image = downsampled(full, factor).copy()
+    lines.draw(image, window.shape, factor)
     signs = np.array(list(SIGNS))[image]
     known = image != UNKNOWN
     if robot is not None:
@@ -149,9 +164,10 @@ def plain_map(window: U8, robot: Robot | None, factor: int = 1) -> str:
     return "\n".join("".join(line).rstrip() for line in shown)
 
 
-def plain_legend(cell_m: float) -> str:
+def plain_legend(cell_m: float, lines: Lines = NO_LINES) -> str:
+    drawn = "o object   m moving object   * path to drive\n" if lines.any else ""
     return (
-        f"# obstacle   . free   (blank) unknown   ^ < v > robot and heading   "
+        f"{drawn}# obstacle   . free   (blank) unknown   ^ < v > robot and heading   "
         f"1 character = {cell_m:.2f} m\nup: map x, where the robot's nose pointed at first; left: y"
     )
 
@@ -189,6 +205,8 @@ def status_lines(planner: Receiver, meter: Meter, now_s: float) -> list[Text]:
         ),
         labelled("cells", f"{np.sum(window == FREE)} free, {np.sum(window == OBSTACLE)} obstacle"),
     ]
+    told = ("objects", objects_words(planner, now_s)), ("path", path_words(planner, now_s))
+    lines += [labelled(*row, POOR if "not sure" in row[1] else "") for row in told if row[1]]
     return lines + (pose_lines(planner.pose) if planner.pose is not None else [])
 
 
@@ -228,7 +246,7 @@ def labelled(label: str, words: str, style: str = "") -> Text:
     return line.append(words, style)
 
 
-def head_lines(planner: Receiver, factor: int) -> list[Text]:
+def head_lines(planner: Receiver, factor: int, drawn: Lines = NO_LINES) -> list[Text]:
     if planner.geom is None:
         return [Text("mapod: waiting for the map's geometry", "bold")]
     geom = planner.geom
@@ -239,10 +257,14 @@ def head_lines(planner: Receiver, factor: int) -> list[Text]:
     for name, state in (("free", FREE), ("obstacle", OBSTACLE), ("robot", ROBOT)):
         legend.append("██", COLOURS[state]).append(f" {name}  ")
     legend.append("██", COLOURS[UNKNOWN]).append(" unknown")
+    over = Text(no_wrap=True)
+    for name, kind in (("object", OBJECT), ("moving", MOVING), ("path", PATH)):
+        over.append("██", COLOURS[kind]).append(f" {name}  ")
     zoom = f" ({factor} x {factor} as one)" if factor > 1 else ""
     return [
         Text(f"{geom.width} x {geom.height} cells of {geom.cell_m:.2f} m{zoom}", "bold"),
         legend,
+        *([over] if drawn.any else []),
         Text(f"{bar} {bar_m:g} m   up: map x   left: map y"),
     ]
 
@@ -261,17 +283,18 @@ def picture(
 ) -> RenderableType:
     """Map and panel, for a terminal of this size; beside each other, or below, as fits better."""
     status = status_lines(planner, meter, now_s)
-    window, robot = planner.window(), maybe_robot(planner)
+    window, robot, over = planner.window(), maybe_robot(planner), lines_of(planner, now_s)
     shape = (window.shape[1], window.shape[0])
     if not window.size:
         return Group(*head_lines(planner, 1), *status)
     abreast = max(1, columns // (PANEL_COLUMNS + 2))
-    panel_lines = -(-(len(status) + 4) // abreast)
+    head = len(head_lines(planner, 1, over))
+    panel_lines = -(-(len(status) + head + 1) // abreast)
     beside = factor_for(shape, columns - PANEL_COLUMNS - 2, lines)
     below = factor_for(shape, columns, lines - panel_lines)
     factor = min(beside, below)
-    entries = [*head_lines(planner, factor), Text(""), *status]
-    drawn = map_text(window, robot, factor)
+    entries = [*head_lines(planner, factor, over), Text(""), *status]
+    drawn = map_text(window, robot, factor, over)
     if beside <= below:
         table = Table.grid(padding=(0, 2))
         table.add_row(drawn, Group(*entries[: max(lines, 1)]))
@@ -279,7 +302,7 @@ def picture(
     grid = Table.grid(padding=(0, 2))
     for _ in range(abreast):
         grid.add_column(width=PANEL_COLUMNS, no_wrap=True)
-    del entries[3]
+    del entries[head]
     entries += [Text("")] * (-len(entries) % abreast)
     per_column = len(entries) // abreast
     for i in range(per_column):

@@ -29,6 +29,7 @@ from tools.view.requests import (
     Stop,
     request_of,
 )
+from tools.view.vectors import VectorMessage
 from tools.view.window import ScanLine, Window
 
 ANSWERS = 16  # that wait to be sent
@@ -53,6 +54,7 @@ class Desk(Protocol):
     window: Window | None
     state: bytes  # JSON, without `driving` and the last brace
     scan: ScanLine | None
+    vectors: dict[str, VectorMessage]
 
     def hello(self) -> str: ...
 
@@ -93,6 +95,7 @@ class Page:
         self._held: Window | None = None  # that the page has
         self._sent_layers: dict[str, tuple[float, bytes]] = {}
         self._sent_scan: ScanLine | None = None
+        self._sent_vectors: dict[str, VectorMessage] = {}
         self._cell: CellQuestion | None = None
         self._past: Kept | None = None  # that it has asked for
         self._bucket = Bucket()
@@ -149,6 +152,8 @@ class Page:
         if desk.scan is not None and desk.scan is not self._sent_scan:
             self._sent_scan = desk.scan
             news.append(desk.scan.message())
+        sent, self._sent_vectors = self._sent_vectors, desk.vectors
+        news += [new.text for name, new in desk.vectors.items() if new is not sent.get(name)]
         if self._cell is not None and (answer := self._cell.maybe_answer(now_s)):
             self._cell = None
             news.append(msgspec.json.encode(answer).decode())

@@ -22,6 +22,7 @@ from tools.view.link_end import LinkEnd
 from tools.view.pages import Page
 from tools.view.requests import MOST_BYTES
 from tools.view.state import state_of
+from tools.view.vectors import VectorMessage, vectors_of
 from tools.view.window import ScanLine, Window, scan_of, window_of
 
 RATE_HZ = 10
@@ -62,6 +63,7 @@ class Server:
         self.history = History()
         self.window: Window | None = None
         self.scan: ScanLine | None = None
+        self.vectors: dict[str, VectorMessage] = {}
         self.state, self._ticks = b"", 0
         self._pages: set[Page] = set()
 
@@ -108,6 +110,7 @@ class Server:
         state["history"] = {"from_s": self.history.from_s, "mb": self.history.megabytes}
         self.state = msgspec.json.encode(state)[:-1]
         self.scan = scan_of(self.end.receiver, now_s, self.scan)
+        self.vectors = vectors_of(self.end, now_s, self.vectors)
         self.history.keep(now_s, self.state, self.window, self.scan)
         self._ticks += 1
         if self._pages and self._ticks % SCAN_TICKS == 0:

@@ -69,6 +69,7 @@ class Script:
         self.layers: list[str] = []
         self.faults: list[BaseException] = []
         self.extra: list[str | bytes] = []  # told once to each page, after hello
+        self.vectors: list[dict[str, Any]] = []  # messages `objects` and `path`: told when others
 
     def hello(self) -> dict[str, object]:
         layers: list[dict[str, object]] = [
@@ -241,6 +242,7 @@ class Server:
         for told in script.extra:
             await (socket.send_str(told) if isinstance(told, str) else socket.send_bytes(told))
         held, origin, rounds = None, drive.origin, 0
+        vectors: list[dict[str, Any]] = []
         while True:
             if script.speaks:
                 if script.moves:
@@ -252,6 +254,10 @@ class Server:
                     await self._tell_map(socket, held, origin, rounds)
                     held, origin = drive.cells.copy(), drive.origin
                     rounds += 1
+                if vectors is not script.vectors:
+                    vectors = script.vectors
+                    for each in vectors:
+                        await socket.send_json({"t_s": drive.t_s, "left_out": 0, **each})
             await asyncio.sleep(PERIOD_S)
 
     async def _tell_map(

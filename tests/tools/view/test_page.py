@@ -5,6 +5,7 @@ The pictures it takes lie in pytest's temporary folder (`shots`).
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,6 +33,18 @@ FAULT = {
     "inputs": [{"name": "scanner", "ok": False, "age_s": None, "text": "connection refused"}],
 }  # fmt: skip
 NO_MAP = {"health_bits": 0b101_1111}
+BOX = {"id": 3, "kind": "static", "v": [0.0, 0.0],
+       "outline": [6.0, -1.2, 6.6, -1.2, 6.6, -0.6, 6.0, -0.6]}  # fmt: skip
+WALKER = {"id": 258, "kind": "moving", "v": [0.0, -0.5],
+          "outline": [7.5, 0.8, 8.0, 0.8, 8.0, 1.3, 7.5, 1.3]}  # fmt: skip
+IN_BOX, IN_WALKER = (6.3, -0.9), (7.65, 1.15)
+ALL_DRAWN = {"state": "known", "why": ""}
+
+
+def vectors(*objects: dict[str, object], **more: object) -> list[dict[str, Any]]:
+    ahead = {"type": "path", "points": [5.4, 0.4, 7.0, 0.4, 9.2, 0.4], "kinds": [1, 1, 1]}
+    told = {"type": "objects", "objects": list(objects)}
+    return [{**ALL_DRAWN, **message, **more} for message in (told, ahead)]
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +111,40 @@ def test_what_is_not_current_has_no_colour_of_free(
     page.live()
     page.browser.wait(lambda: page.heard("drive"))  # held on: it drives as soon as it may
     page.browser.run("dispatchEvent(new Event('blur'))")
+
+
+def test_objects_and_the_path_are_drawn_and_go_when_they_are_gone_or_stale(page: Page) -> None:
+    page.script.vectors = vectors(BOX, WALKER)
+    page.open()
+    page.live()
+    page.browser.wait("mapod.live.objects?.objects.length === 2 && mapod.live.path !== null")
+    page.shot("objects")
+    floor = page.colour("free")
+    assert floor not in (page.pixel(*IN_BOX), page.pixel(*IN_WALKER))
+    assert page.pixel(*IN_BOX) != page.pixel(*IN_WALKER)  # the one that moves is far fuller
+    colours = page.colours()
+    assert min(colours[page.colour("object")], colours[page.colour("ahead")]) > 100
+    assert page.browser.text("#objects-words") == "2, 1 moving"
+    page.script.over = STALE
+    page.browser.condition("stale")
+    assert not {page.colour("object"), page.colour("ahead")} & page.colours().keys()
+    assert page.browser.text("#objects-words") == "not current"
+    page.script.over, page.script.vectors = (
+        {},
+        vectors(BOX, state="suspect", why="a frame is missing"),
+    )
+    page.live()
+    page.browser.wait("mapod.live.objects.objects.length === 1")
+    assert page.pixel(*IN_WALKER) == floor
+    assert page.pixel(*IN_BOX) != floor  # paler: it may be gone
+    assert "1; not sure: a frame is missing" in page.browser.text("#objects-words")
+    page.click("[data-show=objects]")
+    assert page.pixel(*IN_BOX) == floor
+    page.click("[data-show=objects]")
+    page.script.vectors = vectors(state="none")
+    page.browser.wait("mapod.live.objects.objects.length === 0")
+    assert page.pixel(*IN_BOX) == floor
+    assert page.browser.complaints() == []
 
 
 @pytest.mark.slow
@@ -285,12 +332,14 @@ def test_a_picture_is_saved_as_it_is_seen(page: Page, browser: Browser) -> None:
 
 def test_what_is_not_understood_is_counted_and_does_no_harm(page: Page) -> None:
     page.script.extra = [
-        '{"type":"objects","t_s":1}', "[1]", "{", b"", b"\x01\x00\xff\xff{}", b"\x09\x00\x02\x00{}",
+        '{"type":"objects","t_s":1}', '{"type":"objects","t_s":1,"objects":[{"kind":3,"v":[0]}]}',
+        '{"type":"path","t_s":1,"points":[1],"kinds":[0]}', '{"type":"later","t_s":1}',
+        "[1]", "{", b"", b"\x01\x00\xff\xff{}", b"\x09\x00\x02\x00{}",
         b'\x01\x00\x0b\x00{"t_s":1000}\x00', b'\x02\x00\x0b\x00{"t_s":1000}\x00\x00',
     ]  # fmt: skip
     page.open()
     page.live()
-    page.browser.wait("mapod.link.damaged >= 7")
+    page.browser.wait("mapod.link.damaged >= 10")
     assert page.pixel(*IN_DITCH) == page.colour("obstacle")
     assert "not understood" in page.browser.run(
         "return document.getElementById('link-words').textContent"

@@ -17,6 +17,8 @@ const NAMES = [
   "robot",
   "robot-edge",
   "path",
+  "object",
+  "ahead",
   "scan",
   "clear",
   "slow",

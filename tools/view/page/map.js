@@ -11,6 +11,7 @@ import {
   drawScan,
   drawZone,
 } from "./overlays.js";
+import { drawObjects, drawPathAhead } from "./outlines.js";
 import { LayerPicture, StatePicture } from "./pictures.js";
 
 const MOST_RATIO = 2; // device pixels a CSS pixel: more costs time and shows nothing
@@ -49,6 +50,8 @@ export class MapCanvas {
     const brush = { context, px_m: 1 / view.px_per_m, colours: look.colours, view, look };
     if (scene.shows.grid) drawGrid(brush);
     if (scene.shows.zone) drawZone(brush, world.state, scene.robot);
+    if (scene.shows.objects) drawObjects(brush, world.objects);
+    if (scene.shows.ahead) drawPathAhead(brush, world.path);
     if (scene.shows.path) drawPath(brush, scene.path);
     if (scene.shows.scan && world.scan) drawScan(brush, world.scan);
     drawRobot(brush, world.state, scene.robot);

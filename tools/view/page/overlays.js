@@ -206,7 +206,7 @@ export function outlined(context, words, x, y, colours) {
   context.fillText(words, x, y);
 }
 
-function stroke(context, colour, width) {
+export function stroke(context, colour, width) {
   context.strokeStyle = colour;
   context.lineWidth = width;
   context.stroke();

@@ -7,6 +7,7 @@ import { Driver, makePad } from "./drive.js";
 import { Layers } from "./legend.js";
 import { Link } from "./link.js";
 import { MapCanvas } from "./map.js";
+import { showVectors } from "./outlines.js";
 import { showDriver, showGraphs, showInputs, showLink, showWay } from "./panels.js";
 import { Past } from "./past.js";
 import { Path } from "./path.js";
@@ -221,6 +222,7 @@ class Page {
     const may = this.hello?.drive?.allowed !== false;
     showWay(world.state, is_stale, may);
     showInputs(world.state, is_stale);
+    showVectors(world, is_stale);
     showLink(world.state, this.link.damaged);
     showDriver(driver, this.live.state, this.refusal(), may);
     readout.show(world, this.hello, { is_past, is_stale });

@@ -12,7 +12,8 @@ const text = new TextDecoder();
 
 export function messageFromText(data) {
   const message = parsed(data);
-  return message !== null && typeof message.type === "string" ? message : null;
+  if (message === null || typeof message.type !== "string") return null;
+  return (FITS[message.type]?.(message) ?? true) ? message : null;
 }
 
 export function messageFromFrame(buffer) {
@@ -70,10 +71,28 @@ function scanLine(header, payload) {
   return { ...header, type: "scan", points: new Float32Array(payload) };
 }
 
+const isNumbers = (list, least) =>
+  Array.isArray(list) && list.length >= least && list.length % 2 === 0 && list.every(Number.isFinite);
+
+function isObject(told) {
+  return isNumbers(told?.outline, 6) && isNumbers(told.v, 2) && typeof told.kind === "string";
+}
+
+const FITS = {
+  objects: ({ t_s, objects }) =>
+    Number.isFinite(t_s) && Array.isArray(objects) && objects.every(isObject),
+  path: ({ t_s, points, kinds }) =>
+    Number.isFinite(t_s) &&
+    Array.isArray(points) &&
+    Array.isArray(kinds) &&
+    points.length === 2 * kinds.length,
+};
+
 const READERS = { 1: wholeWindow, 2: changedCells, 3: layer, 4: scanLine };
 
 /** How much memory a message holds, about. */
 export function bytesOf(message) {
   const big = message.cells ?? message.values ?? message.points ?? message.payload;
-  return 600 + (big === undefined ? 0 : big.byteLength);
+  const numbers = message.objects?.reduce((n, { outline }) => n + outline.length + 30, 0) ?? 0;
+  return 600 + (big?.byteLength ?? 0) + 8 * (numbers + 1.5 * (message.points?.length ?? 0));
 }

@@ -1,4 +1,5 @@
-/** All that is known at one moment: window, layers, scan line, state. Built of messages, in order. */
+/** All that is known at one moment: window, layers, scan line, objects, path, state. Built of
+ * messages, in order. */
 
 import { UNKNOWN } from "./wire.js";
 
@@ -9,6 +10,8 @@ export class World {
     this.window = null; // {i, j, size, cell_m, epoch, cells, version}
     this.layers = new Map(); // name -> message; never changed, so snapshots share them
     this.scan = null;
+    this.objects = null; // the message: all that there are
+    this.path = null; // likewise: what is still to be driven
     this.state = null;
     this.t_s = null;
   }
@@ -23,9 +26,9 @@ export class World {
 
   /** A copy to begin from again. */
   snapshot() {
-    const { window, scan, state, t_s } = this;
+    const { window, scan, objects, path, state, t_s } = this;
     const copy = window && { ...window, cells: window.cells.slice() };
-    return { window: copy, layers: new Map(this.layers), scan, state, t_s };
+    return { window: copy, layers: new Map(this.layers), scan, objects, path, state, t_s };
   }
 
   restore(snapshot) {
@@ -76,7 +79,10 @@ export function moved(window, i, j) {
 
 function takeWindow(world, message) {
   const { i, j, size, cell_m, epoch, cells } = message;
-  if (world.window && world.window.epoch !== epoch) world.layers.clear();
+  if (world.window && world.window.epoch !== epoch) {
+    world.layers.clear();
+    world.objects = world.path = null;
+  }
   world.window = { i, j, size, cell_m, epoch, cells: cells.slice(), version: nextVersion() };
   return true;
 }
@@ -103,5 +109,7 @@ const TAKERS = {
   changes: takeChanges,
   layer: (world, message) => world.layers.set(message.name, message) && true,
   scan: (world, message) => (world.scan = message) && true,
+  objects: (world, message) => (world.objects = message) && true,
+  path: (world, message) => (world.path = message) && true,
   state: (world, message) => (world.state = message) && true,
 };

@@ -50,10 +50,10 @@ export class MapCanvas {
     const brush = { context, px_m: 1 / view.px_per_m, colours: look.colours, view, look };
     if (scene.shows.grid) drawGrid(brush);
     if (scene.shows.zone) drawZone(brush, world.state, scene.robot);
-    if (scene.shows.objects) drawObjects(brush, world.objects);
-    if (scene.shows.ahead) drawPathAhead(brush, world.path);
     if (scene.shows.path) drawPath(brush, scene.path);
     if (scene.shows.scan && world.scan) drawScan(brush, world.scan);
+    if (scene.shows.objects) drawObjects(brush, world.objects);
+    if (scene.shows.ahead) drawPathAhead(brush, world.path);
     drawRobot(brush, world.state, scene.robot);
     if (scene.pinned && world.window) drawPinned(brush, scene.pinned, world.window.cell_m);
     context.setTransform(ratio, 0, 0, ratio, 0, 0);

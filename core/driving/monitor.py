@@ -25,7 +25,6 @@ Powers = tuple[float, float]  # left and right wheel, -1..1 of full
 Motion = tuple[float, float]  # forward m/s, counter-clockwise rad/s
 Place = tuple[float, float, float]  # x, y, yaw in the map frame
 Rect = tuple[float, float, float]  # ahead of the axle, behind it, to either side; metres
-Disc = tuple[float, float, float]  # x, y, radius of ground that somebody vouches for
 
 SCANS_STALE_S, STALE_PERIODS = 0.2, 4  # age of scans: the longer of both
 ATTITUDE_STALE_S = 0.2
@@ -105,9 +104,13 @@ def _meets(
     rect: Rect,
     motion: Motion,
     seconds: float,
-    disc: Disc,
+    vouched_m: float,
 ) -> int:
-    """State of a cell that is not free and comes under the footprint within so long; or FREE."""
+    """State of a cell that is not free and comes under the footprint within so long; or FREE.
+
+    UNKNOWN ones count from a way vouched_m on from where the map began, and if no part of them is
+    under the footprint now: for the pilot such a one bars no way.
+    """
     size, half = cells.shape[0], cell_m / 2
     reach = math.hypot(max(rect[0], rect[1]), rect[2])
     inner = rect[0] - MET_M, rect[1] - MET_M, rect[2] - MET_M
@@ -124,10 +127,10 @@ def _meets(
                     state = int(cells[j % size, i % size])
                 if state == FREE or not _overlaps(cx, cy, half, at, inner):
                     continue
-                is_vouched = math.hypot(cx - disc[0], cy - disc[1]) <= disc[2]
-                if state == UNKNOWN and is_vouched:
+                if state == UNKNOWN and math.hypot(cx, cy) <= vouched_m:
                     continue
-                if not _overlaps(cx, cy, half, place, rect):
+                begun = inner if state == OBSTACLE else rect
+                if not _overlaps(cx, cy, half, place, begun):
                     return state
     return FREE
 
@@ -187,7 +190,7 @@ class Monitor:
         period_s = config.scanner.options.spec.period_s
         self._scans_stale_s = max(SCANS_STALE_S, STALE_PERIODS * period_s)
         mount = config.ahrs.mount_roll_deg, config.ahrs.mount_pitch_deg, config.ahrs.mount_yaw_deg
-        self._up_sensor = R_from_rpy(*map(math.radians, mount))[2]  # (3,) the body's z axis
+        self._up_sensor = R_from_rpy(*map(math.radians, mount))[2].tolist()  # body's z axis
         self._wheels, self._stall = _Wheels(config), StallWatch(config)
         self._v, self._w = _Asked(robot.brake_mps2), _Asked(robot.max_turn_accel_radps2)
         self._now_s = self._scan_s = self._attitude_s = -math.inf
@@ -203,8 +206,10 @@ class Monitor:
         w, x, y, z = attitude.q_earth_sensor
         if not abs(w * w + x * x + y * y + z * z - 1.0) <= UNIT:
             return
-        up_sensor = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-        self._upright = float(sum(a * b for a, b in zip(up_sensor, self._up_sensor, strict=True)))
+        a, b, c = self._up_sensor
+        self._upright = (
+            a * 2 * (x * z - w * y) + b * 2 * (y * z + w * x) + c * (1 - 2 * (x * x + y * y))
+        )
         self._attitude_s = max(self._attitude_s, attitude.t_s)
 
     def counted(self, counts: WheelCounts) -> None:
@@ -232,7 +237,7 @@ class Monitor:
 
     def warm(self, seen: Seen) -> None:
         """Compile what it needs."""
-        self._in_way((0.1, 0.1), seen)
+        self._met((0.0, 0.0, 0.0), (0.0, 0.0), 0.0, seen)
 
     def _maybe_why(self, now_s: float, powers: Powers, seen: Seen) -> str:
         """Why this power may not go out; "" where it may."""
@@ -265,7 +270,7 @@ class Monitor:
         return "" if self._upright >= math.cos(MOST_TILT_RAD) else LEANS
 
     def _unlike(self, now_s: float, request: DriveRequest | None, told: Motion) -> str:
-        """Why nobody can have asked for this motion, or the robot does not obey it."""
+        """Why nobody can have asked for this motion."""
         if request is None or not now_s <= request.valid_until_s:
             return NOT_ASKED
         if request.valid_until_s - now_s > LONGEST_S + SAME:
@@ -274,28 +279,35 @@ class Monitor:
         is_like = self._v.allows(told[0], robot.max_speed_mps)
         if not (is_like and self._w.allows(told[1], robot.max_turn_radps)):
             return UNLIKE
-        motion = self._wheels.maybe_motion
-        if motion is None:
-            return NO_SPEED
-        return "" if abs(motion[0]) <= FASTEST_SHARE * robot.max_speed_mps else TOO_FAST
+        return ""
 
     def _in_way(self, told: Motion, seen: Seen) -> str:
         """What comes under the footprint before the robot stands: as it is told, as it goes now."""
-        if seen.pose is None:
+        pose, goes = seen.pose, self._wheels.maybe_motion
+        if pose is None:
             return NO_POSE
-        place = seen.pose.x_m, seen.pose.y_m, seen.pose.yaw_rad
+        if goes is None:
+            return NO_SPEED
+        if abs(goes[0]) > FASTEST_SHARE * self._robot.max_speed_mps:
+            return TOO_FAST
+        place = pose.x_m, pose.y_m, pose.yaw_rad
+        state = self._met(place, told, STOPPING_S, seen)
+        if state == FREE:
+            state = self._met(place, goes, 0.0, seen)
+        return IN_WAY.get(state, "")
+
+    def _met(self, place: Place, motion: Motion, waits_s: float, seen: Seen) -> int:
+        """State of what a motion meets that goes on for so long and is then braked; or FREE."""
         robot, grid = self._robot, seen.window.grid
         radius_m = robot.start_clear_m if seen.vouched else 0.0
-        disc = (0.0, 0.0, radius_m if robot.unknown_stops else math.inf)
-        goes = self._wheels.maybe_motion or (0.0, 0.0)
-        for motion, waits_s in ((told, STOPPING_S), (goes, 0.0)):
-            rate_mps = abs(motion[0]) + abs(motion[1]) * self._reach_m
-            seconds = waits_s + rate_mps / (2 * robot.brake_mps2)
-            corner = grid.corner_i, grid.corner_j
-            state = _meets(
-                *(seen.window.cells, corner, grid.cell_m, place),
-                *(self._rect, motion, seconds, disc),
-            )
-            if state != FREE:
-                return IN_WAY[state]
-        return ""
+        rate_mps = abs(motion[0]) + abs(motion[1]) * self._reach_m
+        return _meets(
+            seen.window.cells,
+            (grid.corner_i, grid.corner_j),
+            grid.cell_m,
+            place,
+            self._rect,
+            motion,
+            waits_s + rate_mps / (2 * robot.brake_mps2),
+            radius_m if robot.unknown_stops else math.inf,
+        )

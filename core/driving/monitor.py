@@ -29,6 +29,7 @@ Rect = tuple[float, float, float]  # ahead of the axle, behind it, to either sid
 SCANS_STALE_S, STALE_PERIODS = 0.2, 4  # age of scans: the longer of both
 ATTITUDE_STALE_S = 0.2
 COUNTS_STALE_S = 0.45
+SPEED_STALE_S = 0.6  # age of the speed by counts: after their zero was lost it takes two more
 EARLY_S = 0.1  # a record from so far ahead of now has a wrong time
 LATE_S = 0.15  # longer than this nobody asked it: something else may have moved the robot
 LONGEST_S = 1.0  # no request holds longer
@@ -144,21 +145,21 @@ class _Wheels:
         self._m_per_count = 2 * math.pi * robot.wheel_radius_m / counts_per_turn
         self._track_m = robot.track_width_m
         self._base: WheelCounts | None = None
-        self.newest_s = -math.inf
-        self.maybe_motion: Motion | None = None  # none before there are counts of two instants
+        self.newest_s = self.measured_s = -math.inf
+        self.motion: Motion = (0.0, 0.0)  # as of `measured_s`
 
     def counted(self, counts: WheelCounts) -> None:
         self.newest_s = max(self.newest_s, counts.t_s)
         base = self._base
         if base is None or counts.restarts != base.restarts:
-            self._base, self.maybe_motion = counts, None
+            self._base = counts
             return
         passed_s = counts.t_s - base.t_s
         if passed_s >= SPAN_S:
             left = (counts.left - base.left) * self._m_per_count / passed_s
             right = (counts.right - base.right) * self._m_per_count / passed_s
-            self.maybe_motion = (left + right) / 2, (right - left) / self._track_m
-            self._base = counts
+            self.motion = (left + right) / 2, (right - left) / self._track_m
+            self._base, self.measured_s = counts, counts.t_s
 
 
 class _Asked:
@@ -262,6 +263,7 @@ class Monitor:
             (mapped_s, self._scans_stale_s, NOT_MAPPED),
             (self._attitude_s, ATTITUDE_STALE_S, NO_ATTITUDE),
             (self._wheels.newest_s, COUNTS_STALE_S, NO_COUNTS),
+            (self._wheels.measured_s, SPEED_STALE_S, NO_SPEED),
         ):
             if not -EARLY_S <= now_s - newest_s <= most_s:
                 return why
@@ -283,11 +285,9 @@ class Monitor:
 
     def _in_way(self, told: Motion, seen: Seen) -> str:
         """What comes under the footprint before the robot stands: as it is told, as it goes now."""
-        pose, goes = seen.pose, self._wheels.maybe_motion
+        pose, goes = seen.pose, self._wheels.motion
         if pose is None:
             return NO_POSE
-        if goes is None:
-            return NO_SPEED
         if abs(goes[0]) > FASTEST_SHARE * self._robot.max_speed_mps:
             return TOO_FAST
         place = pose.x_m, pose.y_m, pose.yaw_rad

@@ -210,23 +210,25 @@ def test_it_measures_the_motion_by_the_counters_alone(moves: tuple[float, float]
     robot.moves = moves
     for _ in range(10):
         robot.tick()
-    assert robot.monitor._wheels.maybe_motion == pytest.approx(moves)
+    assert robot.monitor._wheels.motion == pytest.approx(moves)
 
 
-def test_a_speed_takes_counts_of_two_instants_since_their_zero() -> None:
-    robot = Robot()
-    robot.restarts += 1
-    robot.tick()
-    assert robot.told(0.2, 0.0) == monitor.NO_SPEED
-    robot.passed((0.0, 0.0), None)
-    robot.tick(0.0399)
-    assert robot.told(0.2, 0.0) == monitor.NO_SPEED
-    robot.passed((0.0, 0.0), None)
-    robot.tick(0.0002)
-    assert robot.told(0.2, 0.0) == ""
-    new = Monitor(CONFIG)
-    new.counted(WheelCounts(100.0, 0.0, 0.0, 0))
-    assert new._wheels.maybe_motion is None
+def test_a_speed_takes_counts_of_two_instants_and_may_be_so_old() -> None:
+    new = Robot()
+    new.monitor = Monitor(CONFIG)
+    for seconds, why in ((0.01, monitor.NO_SPEED), (0.0399, monitor.NO_SPEED), (0.0002, "")):
+        new.tick(seconds)
+        new.passed((0.0, 0.0), None)
+        assert new.told(0.2, 0.0) == why
+    for age_s, why in ((0.5999, ""), (0.6001, monitor.NO_SPEED)):
+        robot = Robot()
+        measured_s = robot.monitor._wheels.measured_s
+        for _ in range(16):
+            robot.restarts += 1  # each time the zero is lost
+            robot.tick((measured_s + age_s - robot.now_s) / 2)
+            robot.passed((0.0, 0.0), (0.2, 0.0))
+        robot.now_s = measured_s + age_s
+        assert robot.told(0.2, 0.0) == why
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])
@@ -398,6 +400,27 @@ def test_the_way_to_a_stop_must_be_free(
         robot.x_m = sense * (2.0 - edge_m - way_m + 0.02 + beyond_m)
         creeps = state == UNKNOWN and way_m < 0.02  # unseen ground that it has touched is no matter
         assert robot.told(v_mps, 0.0) == ("" if creeps else why)
+
+
+def test_what_it_would_drive_over_on_its_way_is_in_its_way() -> None:
+    """At 1 m/s it goes 0.925 m on: so far that all of its 0.72 m have passed the cell."""
+    robot = Robot()
+    robot.mark(10, 0, OBSTACLE)
+    robot.x_m = 2.0 - 0.52 - 0.001
+    assert robot.told(1.0, 0.0) == monitor.IN_WAY[OBSTACLE]
+
+
+@pytest.mark.parametrize("sense", [1.0, -1.0])
+def test_a_turn_on_the_spot_is_followed_to_its_end(sense: float) -> None:
+    """By 1 rad/s for 0.3 s and as long as its farthest corner, at 0.60 m/s, takes to stand.
+
+    After these 0.675 rad that corner has come as far back as x = 0.215 m, y = 0.531 m.
+    """
+    for i, why in ((10, monitor.IN_WAY[OBSTACLE]), (9, "")):
+        robot = Robot()
+        robot.window.grid.cell_m = 0.02
+        robot.mark(i, 26 if sense > 0 else -27, OBSTACLE)
+        assert robot.told(0.0, sense) == why
 
 
 @pytest.mark.parametrize("sense", [1.0, -1.0])

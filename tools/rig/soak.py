@@ -130,6 +130,7 @@ class Soak:
         rig.ahrs.counter = 2**16 - round(100 * BEFORE_S)
         rig.drive.counter_offset = (2**31 - BEFORE_COUNTS, -(2**31) + BEFORE_COUNTS)
         self.ends, self.results = Ends(), list[LegResult]()
+        self.resets = 0  # of the controller, as by a person, where counters had stood still
         self.way_m, self._place = 0.0, self.world.pose()[:2]
         self._clocks: list[list[float]] = [[], []]  # of a leg: scanner, attitude sensor
         self._first_clocks: tuple[float, float] | None = None
@@ -150,6 +151,9 @@ class Soak:
         self.loop.set_faults(())
         self.loop.happened.clear()
         ended_s = self.loop.now_s
+        if self.loop.app.pilot.stalled:  # until somebody pushes the robot, or does this
+            self.loop.rig.drive.reset(self.loop.now_s)
+            self.resets += 1
         while not self._is_well() and self.loop.now_s - ended_s < RECOVERS_S:
             self._run(0.1)
         self._clocks = [[], []]
@@ -255,7 +259,8 @@ class Soak:
             f"memory: {results[-1].resident_mb:.0f} MB, {self.grown_mb():+.1f} MB since warm",
             f"clocks against the truth: scanner within {spread[0]:.2f} ms, attitude sensor within "
             f"{spread[1]:.2f} ms from leg to leg",
-            f"slowest recovery: {max(result.recovered_s for result in results):.1f} s",
+            f"slowest recovery: {max(result.recovered_s for result in results):.1f} s; "
+            f"controller reset after a stall: {self.resets} times",
             f"frames on the link: {counters['frames_sent']}",
             "ends crossed: " + "; ".join(f"{n}: {k}" for n, k in sorted(self.ends.crossed.items())),
         ]

@@ -1,5 +1,7 @@
 """Pilots with something missing: the monitor halts the robot, by the world's truth."""
 
+import json
+import os
 from typing import Any
 
 import pytest
@@ -10,9 +12,10 @@ from core.driving.control import ORDER_S, DriveControl, Powers
 from core.driving.pilot import Pilot
 from core.driving.stop_zone import NOTHING, Obstruction
 from fakes.scenes.scene import Solid
+from logs import LOG, set_up_logging
 from tests.app.test_drive import FRONT_M, Commander, driving
 from tests.support.cases import few
-from tests.support.shipped import FLOOR
+from tests.support.shipped import FLOOR, shipped
 
 STEP_S = 0.005
 
@@ -70,3 +73,18 @@ def test_a_pilot_that_does_not_mind_its_inputs_is_halted(
     assert loop.app.monitor.halts == 1
     assert loop.app.monitor.why == why
     assert powered_s <= after_s + LOOK_S + ORDER_S + 0.05  # and the newest record's own age
+
+
+def test_the_log_says_once_why_it_halted() -> None:
+    commander = Commander()
+    loop = commander.loop
+    loop.app.pilot = DeafPilot(loop.app.config, loop.app.mapper)
+    read, write = os.pipe()
+    writer = set_up_logging(shipped(log={"format": "json", "level": "warning"}), write)
+    commander.run(0.1)
+    writer.close()
+    LOG.close()
+    os.close(write)
+    with os.fdopen(read) as file:
+        told = [line for line in map(json.loads, file) if line["event"] == "drive_halted"]
+    assert [line["because"] for line in told] == [monitor.NOT_ASKED]

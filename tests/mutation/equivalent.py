@@ -76,6 +76,8 @@ EQUIVALENT: dict[str, str] = {
     f"{STALL}__init__: 0.0 -> 1.0 (6)": UNREAD,
     f"{STALL}counted: max(self._unfollowed_m) >= UNFOLLOWED_M -> "
     "max(self._unfollowed_m) > UNFOLLOWED_M": FLOATS,
+    f"{MONITOR} _Wheels.__init__: 0.0 -> 1.0": UNREAD,
+    f"{MONITOR} _Wheels.__init__: 0.0 -> 1.0 (2)": UNREAD,
     f"{MONITOR} _overlaps: abs(c * dx + s * dy) < length + reach -> "
     "abs(c * dx + s * dy) <= length + reach": FLOATS,
     f"{MONITOR} _overlaps: abs(c * dy - s * dx) < side + reach -> "

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from config_file import with_changes
-from core.records import I8, Scan
+from core.records import Scan
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import load_scene
 from fakes.world.world import F64, World
@@ -212,7 +212,7 @@ class Soak:
 
     def _differing(self) -> int:
         """Cells that the receiver holds otherwise than the app."""
-        told: I8 = CODE[self.loop.map_now()]
+        told = CODE[self.loop.map_now()]
         held = self.planner.window()
         return int((told != held).sum()) if told.shape == held.shape else told.size
 
@@ -277,7 +277,7 @@ def is_well(soak: Soak) -> bool:
 
 
 def main(arguments: list[str], say: Callable[[str], None] = print) -> int:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])  # type: ignore[union-attr]
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--hours", type=float, default=24.0, help="simulated (24)")
     parser.add_argument("--seed", type=int, default=1, help="of scene, motions and faults (1)")
     options = parser.parse_args(arguments)

@@ -8,6 +8,7 @@ from fakes.scenes.scene import campaign_scenes, load_scene, problems
 from tests.support.cases import few
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", few(range(1, 9), 2))
 def test_goals_of_a_mixed_scene_can_be_reached_and_a_seed_is_one_scene(seed: int) -> None:
     scene = load_scene(MIXED, seed)

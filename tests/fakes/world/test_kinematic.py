@@ -244,6 +244,7 @@ def test_any_instant_has_an_answer_and_the_future_is_not_told() -> None:
         assert world.pose(t_s) == world.pose(min(max(t_s, 100.0), 103.0))
 
 
+@pytest.mark.slow
 def test_ten_minutes_are_kept_and_what_was_before_is_no_burden() -> None:
     way = laps(((2.0, 0.0), (2.0, 1.0)), 0.4, 0.5, stands_s=1.0)
     kept, young = KinematicWorld(FLAT, way), KinematicWorld(FLAT, way)

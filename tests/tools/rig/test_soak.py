@@ -4,6 +4,8 @@ import pytest
 
 from tools.rig.soak import GROWN_MB, LEG_S, WARM_LEGS, Ends, LegResult, Soak, is_well, main
 
+pytestmark = pytest.mark.slow
+
 
 def leg(number: int, resident_mb: float, *complaints: str) -> LegResult:
     return LegResult(number, (), complaints, 0.0, (0.0, 0.0), resident_mb, 0.0)
@@ -24,7 +26,6 @@ def test_a_leg_with_faults_ends_well_and_has_crossed_no_end_yet(soak: Soak) -> N
     assert soak.ends.crossed["link, milliseconds"] == 0
 
 
-@pytest.mark.slow
 def test_minutes_of_driving_with_faults_cross_the_ends_of_clocks_and_counters(soak: Soak) -> None:
     assert [result.complaints for result in soak.legs(11.0 * LEG_S)] == [()] * 10
     crossed = soak.ends.crossed

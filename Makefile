@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all lock sbom flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans \
+.PHONY: help setup run rig planner test test-all lock sbom flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -131,7 +131,10 @@ bench: setup $(VENV)/.ready-test ## what the process uses, beside the figures ke
 conformance: setup ## the conformance tests of the planner link, in process, against both receivers (C and Python)
 	@$(BIN)/python -m tools.conformance
 
-soak: setup ## a million damaged, lost, doubled frames to both receivers of the planner link [FRAMES=1000000]
+soak: setup ## simulated hours of driving with random faults in one process: memory, counters, clocks, every wrap [HOURS=24 SEED=1]
+	@$(BIN)/python -m tools.rig.soak --hours $(or $(HOURS),24) --seed $(SEED)
+
+link-soak: setup ## a million damaged, lost, doubled frames to both receivers of the planner link [FRAMES=1000000]
 	@$(BIN)/python -m tools.conformance --soak $(or $(FRAMES),1000000) --seed $(SEED)
 
 pictures: setup $(VENV)/.ready-view $(VENV)/.ready-test ## the documents' pictures of the live page: a simulated drive in a headless Chromium

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from core.config import Config
-from core.driving.control import LOOP_S
+from core.driving.control import LOOP_S, Powers
 from core.driving.health import doubt, stale_s
+from core.driving.monitor import Monitor, Seen
 from core.driving.pilot import Pilot
 from core.driving.report import report
 from core.mapping.layers import ON_ASKING, UNITS
 from core.mapping.mapper import Mapper
+from core.mapping.rays import span_s
 from core.mapping.tiles import TileValues
 from core.records import Attitude, ExternalPose, PathReport, PoseReport, Scan, WheelCounts
 from hw.device import Port
@@ -137,12 +139,13 @@ class App:
         self.pilot = Pilot(config, self.mapper)
         self.perception = maybe_perception(config, self.devices, self.mapper, frames)
         self.vectors = VectorSources(self.perception.objects if self.perception else None)
+        self.monitor = Monitor(config)
         self.planners = planners_on(ports, config, session, key)
         self.tiles = TileValues(self.mapper, config.scanner)
         self.image = maybe_image(config, self.planners, session, version)
         self.loop = LoopCounts()
-        control = self.pilot.control if config.robot.enable_motors else None
-        self.states = StateLog(self.devices, self.mapper, self.planners, control)
+        watched = (self.pilot.control, self.monitor) if config.robot.enable_motors else None
+        self.states = StateLog(self.devices, self.mapper, self.planners, watched)
         self.plan = Plan()
         self._pace = LinkPace(1.0 / config.planner.rate_hz)
         self._times = StepTimes(1.0 / config.loop.rate_hz)
@@ -161,11 +164,14 @@ class App:
         scans, asked = self.devices.scanner.step(now_s), self.planners.requests.newest
         for attitude in attitudes:
             self.mapper.add_attitude(attitude)
+            self.monitor.turned(attitude)
         for counts in counted:
             self.mapper.add_counts(counts)
             self.pilot.counted(counts)
+            self.monitor.counted(counts)
         for scan in scans:
             self.mapper.add_scan(scan)
+            self.monitor.scanned(span_s(scan)[1])
         mapped = self.mapper.settle(now_s) > 0
         if self.perception is not None:
             mapped |= self.perception.step(now_s)
@@ -222,7 +228,21 @@ class App:
             commander=self.planners.stop_reason,
             motors_off=self.devices.drive.trouble,
         )
-        self.devices.drive.drive(*powers)
+        self.devices.drive.drive(*self._let_out(now_s, powers))
+
+    def _let_out(self, now_s: float, powers: Powers) -> Powers:
+        """What the monitor lets pass, which stands behind all that works out a motion."""
+        let_out = self.monitor.passed(now_s, powers, self.seen(now_s))
+        if let_out != powers:
+            self.pilot.halted(now_s, self.monitor.why)
+        return let_out
+
+    def seen(self, now_s: float) -> Seen:
+        """What the monitor looks at beside the records."""
+        mapper, request = self.mapper, self.planners.requests.newest
+        is_first = mapper.counts.erased == 0 and not mapper.continued
+        window, pose = mapper.maps.window, mapper.maybe_pose(now_s)
+        return Seen(request, pose, window, mapper.newest_scan_s, is_first)
 
     def turn(self, now_s: float, readable: Collection[Port] = ()) -> None:
         """Live: do what is due, and take in what has arrived at these ports. Never waits.
@@ -341,6 +361,7 @@ def warm_kernels(config: Config) -> None:
     for now_s in (0.05, 1.0):
         window_trusted, told = app.report(now_s)
         app.tell(now_s, told, window_trusted)
+        app.monitor.warm(app.seen(now_s))
         app.pilot.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
     for name in UNITS:
         app.mapper.maybe_layer(name)

@@ -10,6 +10,7 @@ from typing import Any
 
 from core.config import Config
 from core.driving.control import DriveControl
+from core.driving.monitor import Monitor
 from core.mapping.mapper import Mapper
 from hw.device import DeviceStatus
 from hw.planner_link.receivers import Planners
@@ -137,13 +138,13 @@ class StateLog:
         devices: Devices,
         mapper: Mapper,
         planners: Planners,
-        maybe_control: DriveControl | None,
+        maybe_driving: tuple[DriveControl, Monitor] | None,
     ) -> None:
-        """`maybe_control`: of motors that are enabled."""
+        """`maybe_driving`: of motors that are enabled."""
         self._devices, self._mapper, self._planners = devices.by_section, mapper, planners
-        self._maybe_control = maybe_control
+        self._maybe_driving = maybe_driving
         self.statuses = {name: device.status for name, device in self._devices.items()}
-        self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", "")}
+        self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", ""), "monitor": ("", "")}
         self._begun = (-1, 0, planners.session, False)  # see `_tell_restarts`; -1: not known yet
         self._rejected = [0] * len(planners.links)  # answers, as far as told
         self._counted_s = self._measured_s = float("-inf")
@@ -154,9 +155,12 @@ class StateLog:
             if self._has_changed(device, status.state, status.cause):
                 self._tell_device(device, status)
         requests, poses = self._planners.requests, self._planners.external_poses
-        control = self._maybe_control
-        if control is not None and self._has_changed("", "", control.blocked_by):
-            LOG.info("drive_changed", blocked_by=control.blocked_by)
+        if self._maybe_driving is not None:
+            control, monitor = self._maybe_driving
+            if self._has_changed("", "", control.blocked_by):
+                LOG.info("drive_changed", blocked_by=control.blocked_by)
+            if self._has_changed("monitor", "", monitor.why) and monitor.why:
+                LOG.warning("drive_halted", because=monitor.why)
         if self._has_changed("requests", "", requests.last_refusal):
             LOG.warning("drive_requests_changed", refused_because=requests.last_refusal)
         if self._has_changed("poses", "", poses.last_refusal):

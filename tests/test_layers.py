@@ -161,6 +161,15 @@ def test_in_core_nobody_imports_what_stands_above_him() -> None:
     assert faults == []
 
 
+def test_the_monitor_shares_nothing_with_what_computes_motion_and_decides_on_cells() -> None:
+    own = {name for name in modules()["core.driving.monitor"].imports if name in modules()}
+    assert [name for name in own if within(name, "core.driving", "core.mapping")] == [
+        "core.driving.stall"
+    ]
+    users = [m.name for m in modules().values() if "core.driving.monitor" in m.imports]
+    assert [name for name in users if within(name, "core")] == []
+
+
 def test_a_devices_room_imports_no_other_devices() -> None:
     for side in ("hw", "fakes"):
         for device in DEVICES:

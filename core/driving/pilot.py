@@ -89,6 +89,11 @@ class Pilot:
         self._stall.told(now_s, *powers)
         return powers
 
+    def halted(self, now_s: float, reason: str) -> None:
+        """The power of this instant did not go out, in words why: speeds begin at zero again."""
+        self.control.halt(reason)
+        self._stall.told(now_s, 0.0, 0.0)
+
     @property
     def start_assumed_clear(self) -> bool:
         """The map still is that of the start, whose ground the settings vouch for."""

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from fakes.scenes.chance import has_chance, maybe_drawn
 from fakes.scenes.entries import check_keys, made
+from fakes.scenes.mixed import MIXED, mixed_table
 from fakes.scenes.movers import Mover
 from fakes.scenes.reach import check_place
 from fakes.scenes.solids import Shape, Solid
@@ -32,6 +33,7 @@ GROUND_FROM_M = 0.1  # what begins higher hangs in the air, and no wheel rolls o
 NEAR_M = 1.0  # of the body's origin, so that all wheels are nearer
 START_CLEAR_M = 9.0  # where the file says nothing else
 ATTEMPTS = 200  # to draw a scene in which all goals can be reached
+MIXED_ATTEMPTS = 20  # with one choice of things
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +142,7 @@ class Scene:
 
 
 def load_scene(name: str | Path, seed: int = 1) -> Scene:
-    """The scene of a file, or of the shipped one with this name.
+    """The scene of a file, or of the shipped one with this name; "mixed": things of all of them.
 
     Args:
         seed: of what the file leaves to chance; the same seed gives the same scene, everywhere.
@@ -149,6 +151,8 @@ def load_scene(name: str | Path, seed: int = 1) -> Scene:
         FileNotFoundError, KeyError, ValueError: no such scene, not a scene, or nothing that this
             seed draws lets a robot reach its goals; `fair = false` in the file allows that.
     """
+    if name == MIXED:
+        return _mixed(seed)
     shipped = SCENES / f"{name}.toml"
     path = shipped if shipped.exists() else Path(name)
     if not path.exists():
@@ -170,6 +174,17 @@ def load_scene(name: str | Path, seed: int = 1) -> Scene:
         if not wrong:
             return scene
     raise ValueError(f"{path.name}: seed {seed} draws no scene without problems: {wrong[0]}")
+
+
+def _mixed(seed: int) -> Scene:
+    """Raises ValueError: nothing that this seed draws lets a robot reach its goals."""
+    for attempt in range(ATTEMPTS):
+        table = mixed_table(seed, attempt // MIXED_ATTEMPTS)
+        check_keys(table, MIXED)
+        scene = _scene_from(MIXED, table, seed, attempt)
+        if scene is not None and scene.goals and not problems(scene):
+            return scene
+    raise ValueError(f"{MIXED}: seed {seed} draws no scene without problems")
 
 
 def campaign_scenes() -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """A world whose robot moves as it is told: along a trajectory, exactly, without physics.
 
 It has the face of a `World`: the same devices stand on it. Wheels count what the body's motion
-makes them roll, and their motors move nothing. All that has been can be asked about for ever,
-and a world is the same to the bit however it is stepped. A scene's walkers are not there.
+makes them roll, and their motors move nothing. What has been can be asked about for KEPT_S, and a
+world is the same to the bit however it is stepped. A scene's walkers are not there.
 """
 
 import math
@@ -25,6 +25,7 @@ from fakes.world.world import Wheels
 F64 = npt.NDArray[np.float64]
 STEP_S = 0.002
 BLOCK = 256  # steps that are computed at once
+KEPT_S = 600.0  # at least; a drive of hours would fill the memory
 SMOOTH_S = 0.015  # 1 sigma of what tyres and springs take off the edges of the ground
 MARGIN = 32  # steps beyond a block that its smoothing and its derivatives look at
 GRAVITY_MPS2 = 9.81
@@ -62,8 +63,9 @@ class KinematicWorld:
         self._rays = Rays(self.scene, seed, self.errors, mount=mount)
         self._begin_s: float | None = None
         self._now_s = 0.0
-        self._rows = np.zeros((0, 14))  # one a step, from the begin on; grows by doubling
-        self._known = 0  # rows that are computed
+        self._rows = np.zeros((0, 14))  # one a step; grows by doubling, up to twice KEPT_S
+        self._oldest = 0  # step of the first of them
+        self._known = 0  # steps that are computed, since the begin
 
     def step_to(self, now_s: float) -> None:
         if self._begin_s is None:
@@ -71,34 +73,52 @@ class KinematicWorld:
         self._now_s = max(self._now_s, now_s)
 
     def _rows_at(self, times_s: F64) -> F64:
-        """Rows (n, 14) at host times (n,), interpolated; the first row before the begin."""
+        """Rows (n, 14) at host times (n,), interpolated; the first row before the begin.
+
+        Raises:
+            ValueError: an instant is longer ago than KEPT_S, and not kept any more.
+        """
         begin_s = self._now_s if self._begin_s is None else self._begin_s
         k = np.maximum(0.0, (np.minimum(times_s, self._now_s) - begin_s) / STEP_S)
         before = np.floor(k).astype(np.int64)
         while self._known < before.max() + 2:
             self._compute()
-        share = (k - before)[:, None]
-        return np.asarray((1 - share) * self._rows[before] + share * self._rows[before + 1])
+        share, at = (k - before)[:, None], before - self._oldest
+        if at.min() < 0:
+            at_s = begin_s + self._oldest * STEP_S
+            raise ValueError(f"the world is known from {at_s:.3f} s on, not at {times_s.min():.3f}")
+        return np.asarray((1 - share) * self._rows[at] + share * self._rows[at + 1])
 
     def _compute(self) -> None:
         first = self._known
-        if len(self._rows) < first + BLOCK:
-            more = np.zeros((max(BLOCK, len(self._rows)), 14))
-            self._rows = np.concatenate([self._rows, more])
+        self._make_room()
         steps = np.arange(first - MARGIN, first + BLOCK + MARGIN)
         t_s = np.asarray(steps * STEP_S, dtype=float)
         poses = self._poses_at(t_s)
         rates, forces, speeds = _felt(poses)
         speeds *= 1.0 + shares(self._slips, t_s)
-        inner, rows = slice(MARGIN, MARGIN + BLOCK), self._rows[first : first + BLOCK]
+        at = first - self._oldest
+        inner, rows = slice(MARGIN, MARGIN + BLOCK), self._rows[at : at + BLOCK]
         rows[:, :6] = poses[inner]
         rows[:, RATE], rows[:, FORCE] = rates[inner], forces[inner]
-        begun = self._rows[first - 1, LEFT : RIGHT + 1] if first else np.zeros(2)
+        begun = self._rows[at - 1, LEFT : RIGHT + 1] if first else np.zeros(2)
         # the mean of the speeds at both ends of a step; nothing has turned before the begin
         turned = (speeds[MARGIN - 1 : MARGIN + BLOCK - 1] + speeds[inner]) / 2 * STEP_S
         turned[0] *= first > 0
         rows[:, LEFT : RIGHT + 1] = begun + np.cumsum(turned, axis=0)
         self._known += BLOCK
+
+    def _make_room(self) -> None:
+        """For a block more: twice as many rows, or else the older half of them is forgotten."""
+        used, kept = self._known - self._oldest, round(KEPT_S / STEP_S)
+        if used + BLOCK <= len(self._rows):
+            return
+        if used < 2 * kept:
+            more = np.zeros((max(BLOCK, len(self._rows)), 14))
+            self._rows = np.concatenate([self._rows, more])
+            return
+        self._rows[:kept] = self._rows[used - kept : used]
+        self._oldest = self._known - kept
 
     def _poses_at(self, t_s: F64) -> F64:
         """Poses (n, 6) at even instants (n,) since the begin."""

@@ -13,11 +13,11 @@ from hw.visionary.access import (
     LEVELS,
     REFUSALS,
     SALT_BYTES,
-    Level,
     password_hash,
     response,
 )
 from hw.visionary.cola import REQUESTS, Reply, arguments, encode_cola_2, encode_cola_b, flexstring
+from hw.visionary.options import Level
 
 SESSION_S = 30  # without a question, after which the camera forgets us
 ANSWER_S = 1.0

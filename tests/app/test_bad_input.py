@@ -29,6 +29,7 @@ from tests.support.plain_user import as_plain_user
 from tests.support.shipped import TEXT, shipped
 from tools.cli.command import main
 
+OPTIONAL = "motion", "certainty", "shadow_filter", "depth", "objects", "object_map"  # sections
 PROCESSES = (  # the same as real processes
     ("run --config /dev/zero", "must be at most 1000000 bytes long, is longer"),
     ("link-test --port udp://127.0.0.1:1 --gap-ms -5", "--gap-ms: must be from 0 to 1000"),
@@ -88,7 +89,7 @@ def test_a_section_or_a_key_that_is_missing(section: str) -> None:
     begin = TEXT.index(f"\n[{section}]")
     end = TEXT.find("\n[", begin + 2)
     left = TEXT[:begin] + (TEXT[end:] if end > 0 else "")
-    if section in ("motion", "certainty", "shadow_filter"):  # may be left out
+    if section in OPTIONAL:
         load_config(left)
     else:
         with pytest.raises(ConfigError, match=rf"(^|; ){section}\.\w+: missing"):

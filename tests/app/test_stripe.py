@@ -210,6 +210,7 @@ def test_torn_images_invent_no_line() -> None:
     assert np.abs(heights_m[seen]).max() < 0.01
 
 
+@pytest.mark.slow
 def test_in_the_sun_it_says_that_it_sees_no_line_and_nobody_may_drive_by_it() -> None:
     loop = begun()
     loop.set(ambient="sun")

@@ -21,8 +21,11 @@ METHODS = {
 }
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
-# off, or another driver's, as shipped; whoever takes up objects and paths warms them
-ELSEWHERE = "hw.modbus", "hw.stripe", "hw.visionary", "core.objects", "core.paths"
+# off, or another driver's, as shipped; whoever takes up a depth camera and paths warms them
+ELSEWHERE = (
+    *("hw.modbus", "hw.stripe", "hw.visionary", "hw.depth_images"),
+    *("core.objects", "core.paths", "core.mapping.combined"),
+)
 COLD = """
 import json, sys
 from app import warm_kernels

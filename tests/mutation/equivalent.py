@@ -17,6 +17,7 @@ STANDS = "of what stands still, any share is nothing"
 DECISION = "core/mapping/surface/decision.py"
 CONTROL, CORRIDOR = "core/driving/control.py DriveControl.", "core/driving/corridor.py"
 STALL, ZONE = "core/driving/stall.py StallWatch.", "core/driving/zone.py ZoneReporter."
+MONITOR = "core/driving/monitor.py"
 STOP_ZONE, FRESHNESS = "core/driving/stop_zone.py", "core/mapping/freshness.py"
 EQUIVALENT: dict[str, str] = {
     "core/mapping/along.py share_of: b * GOLDEN -> b / GOLDEN": "the inverse has the same fraction",
@@ -75,6 +76,50 @@ EQUIVALENT: dict[str, str] = {
     f"{STALL}__init__: 0.0 -> 1.0 (6)": UNREAD,
     f"{STALL}counted: max(self._unfollowed_m) >= UNFOLLOWED_M -> "
     "max(self._unfollowed_m) > UNFOLLOWED_M": FLOATS,
+    f"{MONITOR} _Wheels.__init__: 0.0 -> 1.0": UNREAD,
+    f"{MONITOR} _Wheels.__init__: 0.0 -> 1.0 (2)": UNREAD,
+    f"{MONITOR} _overlaps: abs(c * dx + s * dy) < length + reach -> "
+    "abs(c * dx + s * dy) <= length + reach": FLOATS,
+    f"{MONITOR} _overlaps: abs(c * dy - s * dx) < side + reach -> "
+    "abs(c * dy - s * dx) <= side + reach": FLOATS,
+    f"{MONITOR} _overlaps: abs(dx) < half + length * abs(c) + side * abs(s) -> "
+    "abs(dx) <= half + length * abs(c) + side * abs(s)": FLOATS,
+    f"{MONITOR} _overlaps: abs(dy) < half + length * abs(s) + side * abs(c) -> "
+    "abs(dy) <= half + length * abs(s) + side * abs(c)": FLOATS,
+    f"{MONITOR} _moved: abs(half) > SAME -> abs(half) >= SAME": FLOATS,
+    f"{MONITOR} _meets: 0 -> 1": "the window is as high as it is wide",
+    f"{MONITOR} _meets: abs(motion[1]) * reach -> "
+    "abs(motion[1]) / reach": "of a robot that reaches less than 1 m it looks more often",
+    f"{MONITOR} _meets: math.floor((at[0] + reach) / cell_m) -> "
+    "math.ceil((at[0] + reach) / cell_m)": WIDER,
+    f"{MONITOR} _meets: math.floor((at[1] + reach) / cell_m) -> "
+    "math.ceil((at[1] + reach) / cell_m)": WIDER,
+    f"{MONITOR} _meets: 1 -> 2 (7)": WIDER,
+    f"{MONITOR} _meets: 1 -> 2 (8)": WIDER,
+    f"{MONITOR} _meets: math.hypot(cx, cy) <= vouched_m -> math.hypot(cx, cy) < vouched_m": FLOATS,
+    f"{MONITOR} _Wheels.counted: passed_s >= SPAN_S -> passed_s > SPAN_S": FLOATS,
+    f"{MONITOR} _Asked.allows: low <= value <= high -> low < value <= high": FLOATS,
+    f"{MONITOR} _Asked.allows: low <= value <= high -> low <= value < high": FLOATS,
+    f"{MONITOR} Monitor.__init__: 0.0 -> 1.0": UNREAD,
+    f"{MONITOR} Monitor.turned: abs(w * w + x * x + y * y + z * z - 1.0) <= UNIT -> "
+    "abs(w * w + x * x + y * y + z * z - 1.0) < UNIT": FLOATS,
+    f"{MONITOR} Monitor.passed: passed_s <= LATE_S -> passed_s < LATE_S": FLOATS,
+    f"{MONITOR} Monitor.warm: 0.0 -> 1.0": "nobody looks at what it finds",
+    f"{MONITOR} Monitor.warm: 0.0 -> 1.0 (2)": "nobody looks at what it finds",
+    f"{MONITOR} Monitor.warm: 0.0 -> 1.0 (3)": "nobody looks at what it finds",
+    f"{MONITOR} Monitor.warm: 0.0 -> 1.0 (4)": "nobody looks at what it finds",
+    f"{MONITOR} Monitor.warm: 0.0 -> 1.0 (5)": "nobody looks at what it finds",
+    f"{MONITOR} Monitor.warm: 0.0 -> 1.0 (6)": "nobody looks at what it finds",
+    f"{MONITOR} Monitor._stale: -EARLY_S <= now_s - newest_s <= most_s -> "
+    "-EARLY_S < now_s - newest_s <= most_s": FLOATS,
+    f"{MONITOR} Monitor._stale: -EARLY_S <= now_s - newest_s <= most_s -> "
+    "-EARLY_S <= now_s - newest_s < most_s": FLOATS,
+    f"{MONITOR} Monitor._stale: self._upright >= math.cos(MOST_TILT_RAD) -> "
+    "self._upright > math.cos(MOST_TILT_RAD)": FLOATS,
+    f"{MONITOR} Monitor._unlike: request.valid_until_s - now_s > LONGEST_S + SAME -> "
+    "request.valid_until_s - now_s >= LONGEST_S + SAME": FLOATS,
+    f"{MONITOR} Monitor._in_way: abs(goes[0]) > FASTEST_SHARE * self._robot.max_speed_mps -> "
+    "abs(goes[0]) >= FASTEST_SHARE * self._robot.max_speed_mps": FLOATS,
     f"{STOP_ZONE} _at: abs(turn) < 1e-06 -> abs(turn) <= 1e-06": FLOATS,
     f"{STOP_ZONE} _at: 0.5 -> 1.5": NEARLY_STRAIGHT,
     f"{STOP_ZONE} leaves: -w * ahead * aside > 1e-09 -> -w * ahead * aside >= 1e-09": FLOATS,

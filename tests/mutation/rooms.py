@@ -15,6 +15,7 @@ TESTS_OF = {
     "core/driving/control.py": (f"{DRIVING}control.py",),
     "core/driving/corridor.py": (f"{DRIVING}zone.py",),
     "core/driving/health.py": (f"{DRIVING}health.py",),
+    "core/driving/monitor.py": (f"{DRIVING}monitor.py", f"{DRIVING}monitor_way.py"),
     "core/driving/pilot.py": (f"{DRIVING}pilot.py",),
     "core/driving/report.py": (f"{DRIVING}pilot.py",),
     "core/driving/stall.py": (f"{DRIVING}stall.py",),

@@ -127,6 +127,7 @@ def packed_chunk(inside: bytes) -> bytes:
     return RECORD.pack(CHUNK, len(chunk)) + chunk
 
 
+@pytest.mark.slow
 def test_a_small_file_of_millions_of_empty_records_costs_no_more_memory_than_its_chunk(
     tmp_path: Path,
 ) -> None:

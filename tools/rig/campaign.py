@@ -30,6 +30,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from fakes.scenes.mixed import MIXED
 from fakes.scenes.scene import campaign_scenes, load_scene
 from tools.rig.c_build import CompileError, MissingToolError, shipped_robot
 from tools.rig.c_planner import library
@@ -270,6 +271,7 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--jobs", type=int, default=os.cpu_count() or 1, help="processes")
     add("--only", type=int, help="this run alone")
     add("--scene", help="all runs in this one, a name or a file")
+    add("--mixed", action="store_true", help="in rooms by chance, with things of all scenes")
     add("--faults", type=int, default=0, help="by chance, in each run (0)")
     add("--limit", type=float, default=LIMIT_S, help="simulated seconds of a run")
     add("--watch", action="store_true", help="a live picture of one run")
@@ -280,6 +282,9 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--json", type=Path, help="a file for all results")
     add("--markdown", action="store_true", help="the table for a document")
     options = parser.parse_args(arguments)
+    if options.mixed and options.scene:
+        parser.error("--mixed has scenes of its own: no --scene with it")
+    options.scene = MIXED if options.mixed else options.scene
     if options.runs < 1 or options.jobs < 1 or options.limit <= 0.0 or options.faults < 0:
         parser.error("--runs, --jobs and --limit must be above 0, --faults not below it")
     return options

@@ -88,6 +88,7 @@ class Loop:
         drives: bool = False,  # a radio drives along the scene's route, and the app only looks on
         key: bytes | None = None,  # of the link
         errors: ErrorModels | None = None,  # instead of the scene's own
+        start_s: float = START_S,  # of the host's clock
     ) -> None:
         scanner = DEFAULT_SCANNER if config is None else config.scanner.driver
         scanner = scanner if scanner in SCANNERS else DEFAULT_SCANNER  # the caller has its own
@@ -113,7 +114,8 @@ class Loop:
         self._link_wire = DatagramWire(self.fakes["planner"], self.link_port, seed + 3)
         self.wires = dict(zip(NAMES, (*self._device_wires, self._link_wire), strict=True))
         self.app = self._new_app(key)
-        self.now_s, self.ticks, self._rate_hz = START_S, 0, self.config.loop.rate_hz
+        self.start_s, self.now_s = start_s, start_s
+        self.ticks, self._rate_hz = 0, self.config.loop.rate_hz
         self._schedule: Schedule | None = None
         self.happened: list[tuple[float, str]] = []  # faults on and off, with their instants
 
@@ -145,7 +147,7 @@ class Loop:
 
     def _advance(self) -> None:
         self.ticks += 1
-        now_s = self.now_s = START_S + self.ticks / self._rate_hz
+        now_s = self.now_s = self.start_s + self.ticks / self._rate_hz
         if self._schedule is not None:
             self.happened += [(now_s, said) for said in self._schedule.step(now_s)]
         self.rig.step(now_s)
@@ -168,7 +170,7 @@ class Loop:
 
     @property
     def since_begin_s(self) -> float:
-        return self.now_s - START_S
+        return self.now_s - self.start_s
 
     def map_now(self) -> npt.NDArray[np.int8]:
         """The app's obstacle window, (size, size) [j, i] from its corner."""

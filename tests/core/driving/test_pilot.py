@@ -40,8 +40,9 @@ def told_by(mapper: Mapper, now_s: float = NOW_S) -> tuple[bool, PoseReport]:
 class Robot:
     """A pilot whose robot stands on free ground, all inputs well."""
 
-    def __init__(self, enable_motors: bool = True) -> None:
-        config = with_changes(CONFIG, robot={"enable_motors": enable_motors, "start_clear_m": 4.0})
+    def __init__(self, **robot: Any) -> None:
+        usual = {"enable_motors": True, "start_clear_m": 4.0}
+        config = with_changes(CONFIG, robot=usual | robot)
         self.mapper = standing(2.5 * NOW_S, Mapper(config))
         self.mapper.add_scan(wall_and_floor(0.95))
         assert self.mapper.settle(NOW_S) == 1
@@ -147,3 +148,14 @@ def test_wheels_that_do_not_follow_get_no_power() -> None:
         assert k < 200
     assert robot.powers(NOW_S + 0.01 * k) == (0.0, 0.0)
     assert robot.pilot.control.blocked_by == STALLED
+
+
+def test_power_that_did_not_go_out_is_no_stall_and_the_ramp_begins_anew() -> None:
+    robot = Robot(max_accel_mps2=20.0)
+    robot.powers()
+    for k in range(1, 100):
+        robot.pilot.halted(NOW_S + 0.01 * (k - 1), "no")
+        assert robot.pilot.control.blocked_by == "no"
+        assert robot.powers(NOW_S + 0.01 * k) == pytest.approx((0.2, 0.2))
+        robot.pilot.counted(WheelCounts(NOW_S + 0.01 * k, 0.0, 0.0, 0))
+    assert not robot.pilot.stalled

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 import shapely
 
 from core.paths.cleaning import Cleaning, CleaningSettings, Place, Task
@@ -67,6 +68,7 @@ class Jumper:
         self.cleaning.see(view(place), [])
 
 
+@pytest.mark.slow
 def test_it_looks_sweeps_and_comes_home_and_leaves_hardly_anything() -> None:
     machine = Jumper()
     machine.jump((0.0, 0.0, 0.0), False)

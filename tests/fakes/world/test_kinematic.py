@@ -242,3 +242,26 @@ def test_any_instant_has_an_answer_and_the_future_is_not_told() -> None:
     for t_s in (-10.0, 99.9, 100.0, 101.2345, 103.0, 103.001, 200.0):
         assert np.isfinite(world.pose(t_s)).all()
         assert world.pose(t_s) == world.pose(min(max(t_s, 100.0), 103.0))
+
+
+@pytest.mark.slow
+def test_ten_minutes_are_kept_and_what_was_before_is_no_burden() -> None:
+    way = laps(((2.0, 0.0), (2.0, 1.0)), 0.4, 0.5, stands_s=1.0)
+    kept, young = KinematicWorld(FLAT, way), KinematicWorld(FLAT, way)
+    for world in (kept, young):
+        world.step_to(100.0)
+    young.step_to(100.0 + 1300.0)
+    sizes = []
+    for minute in range(1, 60):
+        kept.step_to(100.0 + 60.0 * minute)
+        kept.pose()
+        sizes.append(kept._rows.nbytes)
+        if minute == 21:  # it has forgotten some by now
+            assert kept.pose(100.0 + 1200.0) == young.pose(100.0 + 1200.0)
+            assert kept.wheel_angles_rad() != (0.0, 0.0)
+    assert max(sizes) == sizes[25] < 160e6
+    now_s = 100.0 + 60.0 * 59
+    x, y = way(np.array([now_s - 599.0 - 100.0]))[0, :2]  # by the trajectory itself
+    assert kept.pose(now_s - 599.0)[:2] == pytest.approx((x, y), abs=1e-5)
+    with pytest.raises(ValueError, match=r"known from \d+\.\d+ s on, not at 110\.000"):
+        kept.pose(110.0)

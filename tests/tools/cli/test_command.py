@@ -19,6 +19,7 @@ def test_every_file_of_a_command_is_in_the_table_and_in_the_help() -> None:
     parts = {
         "__init__",
         "calibrate_camera",
+        "calibrate_depth",
         "calibrate_range",
         "calibrate_stripe",
         "command",

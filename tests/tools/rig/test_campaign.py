@@ -233,3 +233,14 @@ def test_a_scene_without_goals_is_refused(scene: str, words: str, capsys: Capsys
     told = capsys.readouterr().err
     assert words in told
     assert "hall" in told, "what there is"
+
+
+def test_mixed_scenes_are_a_campaign_of_their_own(capsys: Capsys) -> None:
+    options = campaign.arguments_of(["--mixed", "--runs", "3", "--seed", "4"])
+    tasks = campaign.tasks_of(options)
+    assert [task.spec.name for task in tasks] == ["mixed"] * 3
+    assert len({task.spec.seed for task in tasks}) == 3
+    assert "SCENE=mixed" in campaign.again(options)
+    with pytest.raises(SystemExit, match="2"):
+        campaign.arguments_of(["--mixed", "--scene", "hall"])
+    assert "no --scene with it" in capsys.readouterr().err

@@ -1,0 +1,73 @@
+"""The soak's short form, and that it notices what it is there for."""
+
+import pytest
+
+from tools.rig.soak import GROWN_MB, LEG_S, WARM_LEGS, Ends, LegResult, Soak, is_well, main
+
+pytestmark = pytest.mark.slow
+
+
+def leg(number: int, resident_mb: float, *complaints: str) -> LegResult:
+    return LegResult(number, (), complaints, 0.0, (0.0, 0.0), resident_mb, 0.0)
+
+
+@pytest.fixture(scope="module")
+def soak() -> Soak:
+    soak = Soak(seed=3)
+    list(soak.legs(1.0))
+    return soak
+
+
+def test_a_leg_with_faults_ends_well_and_has_crossed_no_end_yet(soak: Soak) -> None:
+    [only] = soak.results[:1]
+    assert only.faults
+    assert only.complaints == ()
+    assert soak.way_m > 1.0
+    assert soak.ends.crossed["link, milliseconds"] == 0
+
+
+def test_minutes_of_driving_with_faults_cross_the_ends_of_clocks_and_counters(soak: Soak) -> None:
+    assert [result.complaints for result in soak.legs(11.0 * LEG_S)] == [()] * 10
+    crossed = soak.ends.crossed
+    for name in (
+        "scanner, microseconds",
+        "attitude sensor, samples",
+        "link, milliseconds",
+        "link, sessions",
+        "link, numbers of frames",
+    ):
+        assert crossed[name] >= 1, name
+    assert crossed["wheel 1, counts"] + crossed["wheel 2, counts"] >= 1
+    assert is_well(soak)
+
+
+def test_what_is_wrong_at_the_end_of_a_leg_is_told(soak: Soak) -> None:
+    soak.loop.app.loop.ticks += 1
+    soak.loop.app.monitor.halts += 1
+    soak._look()
+    soak.planner.numbers.taken += 1000
+    said = "; ".join(soak._complaints(0.02, float("nan")))
+    for words in ("ticks counted", "frames were sent", "halted", "scanner's clock", "attitude's"):
+        assert words in said
+
+
+def test_memory_that_grows_after_it_was_warm_is_not_well(soak: Soak) -> None:
+    for each_mb, well in ((0.0, True), (1.0, False)):
+        soak.results = [leg(k, 200.0 + 50 * (k < WARM_LEGS) + each_mb * k) for k in range(60)]
+        assert (soak.grown_mb() < GROWN_MB) is well
+        assert is_well(soak) is well
+    soak.results = [leg(k, 200.0) for k in range(60)] + [leg(60, 200.0, "something")]
+    assert not is_well(soak)
+
+
+def test_an_end_is_crossed_where_a_counter_leaps_by_more_than_half_its_turn() -> None:
+    ends = Ends()
+    for value in (65000, 65535, 2, 1, 65535, 40000, 5):
+        ends.look("counter", value, 2**16)
+    assert ends.crossed["counter"] == 3  # over its end, back, and far down at once
+
+
+def test_no_hours_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["--hours", "0"])
+    assert "--hours must be above 0" in capsys.readouterr().err

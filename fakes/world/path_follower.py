@@ -18,7 +18,7 @@ PERIOD_S = 0.05
 FULL = 127  # the controller's full power
 SLIGHT_RAD = math.radians(25.0)  # corners up to that are driven through,
 SLIGHT_MPS = 0.30  # so fast
-AIMED_RAD, ASTRAY_RAD = 0.03, 1.0  # ends a turn on the spot; begins one
+AIMED_RAD, ASTRAY_RAD = 0.03, 0.6  # ends a turn on the spot; begins one: the more off, the slower
 ARRIVED_M = 0.02
 HEADING_PER_S = 4.0  # turn of a radian off
 LEAST_AHEAD_M = 0.12  # of the point that it heads for
@@ -120,7 +120,8 @@ class PathFollower:
         slow_mps = math.sqrt(end_mps**2 + 0.8 * self._limits.accel_mps2 * max(0.0, left_m))
         most = self._limits.turn_radps
         turn = max(-most, min(most, HEADING_PER_S * off))
-        return min(self._limits.speed_mps, max(0.05, slow_mps)), turn
+        aimed_mps = self._limits.speed_mps * max(0.0, 1.0 - abs(off) / ASTRAY_RAD)
+        return min(aimed_mps, max(0.05, slow_mps)), turn
 
     def _aim(self, left_m: float) -> F64:
         """The point of the path to head for: so far ahead that round ways are kept to.

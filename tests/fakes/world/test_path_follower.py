@@ -61,6 +61,17 @@ def test_a_corner_of_a_thing_is_passed_round_at_the_distance_that_was_asked() ->
     assert off_m(places, way) < 0.025
 
 
+@pytest.mark.parametrize("lever_m", [0.1, 0.2])
+def test_slight_corners_one_upon_the_other_are_kept_to_within_five_centimetres(
+    lever_m: float,
+) -> None:
+    yaws = np.radians(24.0) * np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4])
+    steps = lever_m * np.column_stack([np.cos(yaws), np.sin(yaws)])
+    way = np.vstack([[0.0, 0.0], [1.5, 0.0], [1.5, 0.0] + np.cumsum(steps, axis=0)])
+    places, _ = driven(way)
+    assert off_m(places, way) < 0.045
+
+
 def test_it_stands_at_once_when_it_must() -> None:
     follower = PathFollower(LIMITS)
     follower.follow(np.array([[0.0, 0.0], [5.0, 0.0]]))

@@ -94,7 +94,7 @@ class PathFollower:
             left_m = float((b - [x, y]) @ along) / length_m
             slight = self._is_slight(self._edge)
             if left_m > (0.0 if slight else ARRIVED_M):
-                return self._on_edge(place, along / length_m, left_m, slight)
+                return self._on_edge(place, left_m, slight)
             self._edge += 1
             self._turning = not slight
         if self._yaw is None:
@@ -105,15 +105,14 @@ class PathFollower:
         return 0.0, self._turn(off)
 
     def _on_edge(
-        self, place: tuple[float, float, float], ahead: F64, left_m: float, slight: bool
+        self, place: tuple[float, float, float], left_m: float, slight: bool
     ) -> tuple[float, float]:
         x, y, yaw = place
-        if self._turning:
-            off = math.remainder(math.atan2(ahead[1], ahead[0]) - yaw, math.tau)
-            self._turning = abs(off) > AIMED_RAD
-            return 0.0, self._turn(off)
         aim = self._aim(left_m)
         off = math.remainder(math.atan2(aim[1] - y, aim[0] - x) - yaw, math.tau)
+        if self._turning:  # towards the same point as on the way: else it may turn for ever
+            self._turning = abs(off) > AIMED_RAD
+            return 0.0, self._turn(off)
         if abs(off) > ASTRAY_RAD:
             self._turning = True
         end_mps = SLIGHT_MPS if slight else 0.0

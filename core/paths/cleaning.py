@@ -24,12 +24,13 @@ from core.paths.space import FloorError, grown, polygons_in
 from core.paths.visibility import VisibilityGraph
 from core.records import F64
 
-Goal = Literal["look", "sweep", "home", "wait", "done"]
+Goal = Literal["look", "sweep", "home", "wait", "done", "stuck"]
 Place = tuple[float, float, float]  # x, y, yaw
 LOOKS = 2  # at one frontier, at most: what is still unseen is seen while sweeping, or never
 AT_DOCK_M = 0.25  # from there the dock can be got to
 TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
 ARC = 16  # corners of the machine's outline
+WON_M2 = 0.1  # of floor, seen or clean: less is no progress
 CLEAR_M = 0.08  # around the machine, that is clear where it starts
 
 
@@ -47,6 +48,7 @@ class CleaningSettings:
     sliver_m: float  # what is left unswept and narrower gets no lane
     enough: float  # share of the floor that may be left at the end
     rounds: int  # plans for what is left, at most, besides those round what barred the way
+    tries: int  # plans in a row that win no floor, until it gives up
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -57,6 +59,7 @@ class Task:
     segments: tuple[Segment, ...] = ()
     yaw: float | None = None  # to turn to at the end
     viewpoint: Viewpoint | None = None
+    why: str = ""  # of what waits, turns on the spot or is stuck
 
 
 class Cleaning:
@@ -75,7 +78,8 @@ class Cleaning:
         self.floor.vouch(disc(at, s.machine.radius_m + CLEAR_M))
         self._things: list[Polygon] = []
         self._looks = Counter[Block]()  # at frontiers, so far
-        self._rounds = 0
+        self._rounds = self._tried = 0
+        self._won_m2 = 0.0
 
     def see(self, view: F64, standing: Iterable[Polygon]) -> None:
         """A frame's view (n, 2), and all near the machine that is known to stand or to move."""
@@ -99,19 +103,29 @@ class Cleaning:
         return self.floor.free().difference(bars)
 
     def plan(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
-        """What to drive next.
+        """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
 
         Args:
             things: outlines of all that is known to stand or to move, walls too.
             may_look: False: something barred the way; go on as before, whatever is unseen.
         """
+        won_m2 = self.floor.area_m2 + self.clean.area_m2
+        self._tried += 1
+        if won_m2 > self._won_m2 + WON_M2:
+            self._tried, self._won_m2 = 0, won_m2
+        task = self._next(place, things, may_look)
+        if self._tried < self.settings.tries:
+            return task
+        return Task("stuck", why=task.why or f"the way is barred again and again, to {task.goal}")
+
+    def _next(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
         self._things = list(things)
         here = place[0], place[1]
         try:
             free = self.free(things)
             space = space_at(MultiPolygon(polygons_in(free)), self.settings.machine, here)
         except FloorError:
-            return Task("wait")
+            return Task("wait", why="the machine has no room where it stands")
         graph = VisibilityGraph(space)
         if may_look and (task := self._look(space, graph, place)) is not None:
             return task
@@ -168,10 +182,10 @@ class Cleaning:
 
     def _home(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task:
         if space.distance(shapely.Point(self._dock[:2])) > AT_DOCK_M:  # something parts it off
-            return Task("look", (), place[2] + TURN_RAD)
+            return Task("look", (), place[2] + TURN_RAD, why="something parts it from the dock")
         way = self._way(space, graph, place, self._dock[:2])
         if way is None:
-            return Task("wait")
+            return Task("wait", why="there is no way to the dock")
         return Task("home", (Segment("travel", way),), self._dock[2])
 
 

@@ -120,6 +120,11 @@ class SeenFloor:
         """(n, m) along x and y, of the cells in `window`."""
         return np.asarray(self.count[self.window] >= self._least)
 
+    @property
+    def area_m2(self) -> float:
+        """Of all cells that are seen."""
+        return int(np.count_nonzero(self.is_seen())) * self.cell_m**2
+
     def is_free(self, outline: F64) -> bool:
         """Whether all cells whose corners lie in an outline (n, 2) are seen."""
         window, nodes = self._within(outline)

@@ -81,7 +81,7 @@ class Sensor:
         ways, axis = self._ways[1], rotation_y(math.radians(faults.tilt_deg))[:, 0]
         met = self._sight(t_s, np.broadcast_to(np.array(faults.mount_m), ways.shape), ways)
         depths_m = np.asarray(met.ranges_m) * (ways @ axis)
-        cosines = np.abs((met.normals * ways).sum(axis=1))
+        cosines = np.abs((met.normals * met.ways).sum(axis=1))  # both of the map frame
         is_seen = (depths_m >= LEAST_M) & (depths_m <= MOST_M) & (cosines >= FLAT_COS)
         is_seen &= (met.materials != BLACK) | (depths_m <= MOST_BLACK_M)
         depths_m = depths_m.reshape(h, w)

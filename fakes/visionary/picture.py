@@ -41,7 +41,7 @@ class Pixels(NamedTuple):
     """What each pixel meets, (n,)."""
 
     far: F64
-    normals: F64  # (n, 3)
+    normals: F64  # (n, 3) body frame, as the rays' ways
     solids: I64
     materials: I64
 
@@ -120,7 +120,10 @@ class Camera:
         return met
 
     def _seen(self, t_s: float, begin: F64, ways: F64) -> Met:
-        return self._sight(t_s, np.broadcast_to(begin, ways.shape), ways)
+        """What rays (n, 3) meet, with the normals in the body frame."""
+        axes = self._sight(t_s, np.broadcast_to(begin, (3, 3)), np.eye(3)).ways  # in the map
+        met = self._sight(t_s, np.broadcast_to(begin, ways.shape), ways)
+        return met._replace(normals=np.ascontiguousarray(met.normals @ axes.T))
 
 
 def _steps(size: int, every: int) -> I64:

@@ -18,7 +18,7 @@ PERIOD_S = 0.05
 FULL = 127  # the controller's full power
 SLIGHT_RAD = math.radians(25.0)  # corners up to that are driven through,
 SLIGHT_MPS = 0.30  # so fast
-AIMED_RAD, ASTRAY_RAD = 0.03, 1.0  # ends a turn on the spot; begins one
+AIMED_RAD, ASTRAY_RAD = 0.03, 0.6  # ends a turn on the spot; begins one: the more off, the slower
 ARRIVED_M = 0.02
 HEADING_PER_S = 4.0  # turn of a radian off
 LEAST_AHEAD_M = 0.12  # of the point that it heads for
@@ -94,7 +94,7 @@ class PathFollower:
             left_m = float((b - [x, y]) @ along) / length_m
             slight = self._is_slight(self._edge)
             if left_m > (0.0 if slight else ARRIVED_M):
-                return self._on_edge(place, along / length_m, left_m, slight)
+                return self._on_edge(place, left_m, slight)
             self._edge += 1
             self._turning = not slight
         if self._yaw is None:
@@ -105,22 +105,22 @@ class PathFollower:
         return 0.0, self._turn(off)
 
     def _on_edge(
-        self, place: tuple[float, float, float], ahead: F64, left_m: float, slight: bool
+        self, place: tuple[float, float, float], left_m: float, slight: bool
     ) -> tuple[float, float]:
         x, y, yaw = place
-        if self._turning:
-            off = math.remainder(math.atan2(ahead[1], ahead[0]) - yaw, math.tau)
-            self._turning = abs(off) > AIMED_RAD
-            return 0.0, self._turn(off)
         aim = self._aim(left_m)
         off = math.remainder(math.atan2(aim[1] - y, aim[0] - x) - yaw, math.tau)
+        if self._turning:  # towards the same point as on the way: else it may turn for ever
+            self._turning = abs(off) > AIMED_RAD
+            return 0.0, self._turn(off)
         if abs(off) > ASTRAY_RAD:
             self._turning = True
         end_mps = SLIGHT_MPS if slight else 0.0
         slow_mps = math.sqrt(end_mps**2 + 0.8 * self._limits.accel_mps2 * max(0.0, left_m))
         most = self._limits.turn_radps
         turn = max(-most, min(most, HEADING_PER_S * off))
-        return min(self._limits.speed_mps, max(0.05, slow_mps)), turn
+        aimed_mps = self._limits.speed_mps * max(0.0, 1.0 - abs(off) / ASTRAY_RAD)
+        return min(aimed_mps, max(0.05, slow_mps)), turn
 
     def _aim(self, left_m: float) -> F64:
         """The point of the path to head for: so far ahead that round ways are kept to.

@@ -9,6 +9,7 @@ its seed alone, to the bit.
 import math
 from dataclasses import dataclass, field
 
+import msgspec
 import numpy as np
 import shapely
 from shapely import Polygon
@@ -34,6 +35,7 @@ from fakes.world.rolling import RollingWorld
 from tools.rig.hall_truth import Truth, gap_of
 
 MODEL: Model = "t"  # 176 x 144 pixels, 62 by 52 degrees
+FLYING_DEG = 12.0  # of a lens with so few pixels: at 3 degrees what flies less than 0.12 r stays
 LEAST_CONFIDENCE = 6554  # as the settings of the app have it
 FRAME_TICKS = 5  # 4 frames a second
 LIMITS = Limits(speed_mps=0.8, accel_mps2=0.6, turn_radps=1.2, turn_accel_radps2=2.5)
@@ -43,7 +45,7 @@ REACH_CLEAR_M = (
 )
 SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.025, size_m=90.0, seen_frames=3, start_clear_m=1.4, guard_m=0.03,
-    explained_m=0.3, sliver_m=0.06, enough=0.002, rounds=6,
+    explained_m=0.3, sliver_m=0.06, enough=0.002, rounds=6, tries=24,
 )  # fmt: skip
 POSE_M, POSE_RAD, POSE_S = 0.01, math.radians(0.2), 10.0  # 1 sigma of the believed pose, its time
 AHEAD_M = 0.9  # of the path that is looked at: the machine stands before what is on it
@@ -130,6 +132,7 @@ class HallRun:
     def __init__(self, hall: Hall, config: Config, seed: int) -> None:
         assert config.objects is not None
         assert config.object_map is not None
+        objects = msgspec.structs.replace(config.objects, flying_deg=FLYING_DEG)
         self.hall, self.tally, self.now_s = hall, Tally(), 0.0
         self.world = RollingWorld(hall.scene, seed)
         self.map = ObjectMap(config.object_map)
@@ -138,7 +141,7 @@ class HallRun:
         self.obstacles: tuple[Obstacle, ...] = ()
         self._controller = FakeAx3500(self.world, seed, "rc")
         self._follower, self._drift = PathFollower(LIMITS), Drift(seed)
-        self._camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(config.objects)
+        self._camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(objects)
         self._kinds = list[bool]()  # of the path's edges: whether they sweep
         self._tick, self._at = 0, (0.0, 0.0, 0.0)
         self._barred_s = self._arrived_s = math.inf
@@ -149,7 +152,7 @@ class HallRun:
 
     @property
     def is_over(self) -> bool:
-        return self.task.goal == "done" or self.now_s > LIMIT_S
+        return self.task.goal in ("done", "stuck") or self.now_s > LIMIT_S
 
     def step(self) -> None:
         """One tick."""
@@ -253,7 +256,7 @@ class HallRun:
         self._arrived_s = math.inf
         self.tally.plans += 1
         self.task = self.cleaning.plan(place, self.things(), may_look)
-        if self.task.goal in ("wait", "done"):
+        if self.task.goal in ("wait", "done", "stuck"):
             self._barred_s = self.now_s
             self._follower.follow(np.array([place[:2]]))
             return

@@ -61,6 +61,7 @@ class Row(Struct, frozen=True):
     people_seen: int
     people_missed: int
     cpu_s: float
+    why: str  # it stopped away from its dock
 
 
 def cleaned(seed: int, area_m2: tuple[float, float], config: Config) -> Row:
@@ -85,6 +86,7 @@ def cleaned(seed: int, area_m2: tuple[float, float], config: Config) -> Row:
         run.now_s, tally.swept_m, tally.travel_m,
         worth.things, worth.missed, worth.objects, worth.false, worth.fragments, worth.of_people,
         tally.people_seen, tally.people_missed, time.process_time() - begin_s,
+        "it took too long" if run.task.goal not in ("done", "stuck") else run.task.why,
     )  # fmt: skip
 
 
@@ -93,7 +95,8 @@ def line_of(row: Row, name: str) -> str:
     return (
         f"| {name} | {row.reachable_m2:.0f} | {'yes' if row.is_lively else 'no'} |"
         f" {100 * row.covered:.1f} | {100 * row.overlap:.1f} | {row.collisions} |"
-        f" {row.least_gap_m:.3f} | {'yes' if row.is_home else 'no'} | {row.time_s / 60:.1f} |"
+        f" {row.least_gap_m:.3f} | {'yes' if row.is_home else row.why or 'no'} |"
+        f" {row.time_s / 60:.1f} |"
         f" {row.swept_m:.0f} | {row.travel_m:.0f} | {row.things} | {row.missed} | {row.objects} |"
         f" {row.false} | {row.fragments} | {row.people_seen}, {row.people_missed} |"
         f" {row.of_people} | {row.cpu_s:.0f} |"

@@ -13,7 +13,7 @@ from core.paths.records import Machine
 MACHINE = Machine(radius_m=0.35, clearance_m=0.03, width_m=0.6, overlap_m=0.03)
 SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.05, size_m=20.0, seen_frames=1, start_clear_m=1.2, guard_m=0.03,
-    explained_m=0.3, sliver_m=0.08, enough=0.004, rounds=4,
+    explained_m=0.3, sliver_m=0.08, enough=0.004, rounds=4, tries=6,
 )  # fmt: skip
 ROOM = shapely.box(-0.7, -1.5, 5.0, 2.8)
 BOXES = [shapely.box(1.6, 0.9, 2.3, 1.5), shapely.box(3.6, -0.7, 3.9, -0.2)]
@@ -102,3 +102,29 @@ def test_where_the_machine_has_no_room_it_waits() -> None:
     machine = Jumper()
     around = [ROOM.buffer(1.0)]
     assert machine.cleaning.plan(machine.place, around, may_look=True).goal == "wait"
+
+
+def test_what_parts_it_from_the_dock_makes_it_stop_and_say_so() -> None:
+    machine = Jumper()
+    for x in (0.0, 0.5, 1.0, 1.2):
+        machine.jump((x, 0.0, 0.0), False)
+    far, wall = (4.2, 2.0, 0.0), shapely.box(2.7, -2.0, 2.8, 3.0)
+    machine.jump(far, False)
+    for _ in range(40):
+        task = machine.cleaning.plan(machine.place, [*machine.known, wall], may_look=True)
+        machine.go(task)
+        if task.goal in ("stuck", "home"):
+            break
+    assert (task.goal, task.why) == ("stuck", "something parts it from the dock")
+    assert not task.segments
+    assert machine.goals.count("look") < 30
+
+
+def test_what_takes_long_and_wins_floor_is_not_given_up() -> None:
+    machine = Jumper()
+    machine.jump((0.0, 0.0, 0.0), False)
+    goals = []
+    for k in range(2 * SETTINGS.tries):
+        machine.cleaning.floor.vouch(np.array([[8, k], [9, k], [9, k + 0.9], [8, k + 0.9]]))
+        goals.append(machine.cleaning.plan(machine.place, [ROOM.buffer(1.0)], may_look=True).goal)
+    assert goals == ["wait"] * len(goals)

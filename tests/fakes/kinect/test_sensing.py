@@ -12,6 +12,7 @@ from fakes.programs import kinect_dump
 from fakes.rays.kernels import BLACK, PLAIN
 from fakes.rays.sight import Met
 from fakes.wires.timing import F64
+from fakes.world.rotations import rotation_z
 from tests import Capsys
 
 LENS = Lens((64, 48), (58.0, 58.0), (31.5, 23.5))
@@ -66,6 +67,20 @@ def test_what_is_too_near_or_black_and_far_is_missing() -> None:
     assert (sensor(panel).picture(0.0).raw[:, :31] != NO_RAW).all()
     panel.material = BLACK
     assert (sensor(panel).picture(0.0).raw[:, :31] == NO_RAW).all()
+
+
+def test_how_the_machine_is_turned_in_the_map_does_not_matter() -> None:
+    panel, R = Panel(1.0, 2.0), rotation_z(1.5)
+    one = sensor(panel).picture(0.0).raw
+    unturned = panel.met
+
+    def turned(t_s: float, begins: F64, ways: F64) -> Met:
+        met = unturned(t_s, begins, ways)
+        return met._replace(ways=met.ways @ R.T, normals=met.normals @ R.T)
+
+    panel.met = turned  # type: ignore[method-assign]
+    np.testing.assert_array_equal(sensor(panel).picture(0.0).raw, one)
+    assert (one != NO_RAW).mean() > 0.8
 
 
 def test_noise_is_a_part_of_a_step_and_repeats_by_its_seed() -> None:

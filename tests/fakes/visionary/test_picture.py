@@ -13,6 +13,7 @@ from fakes.visionary.lens import Lens, axis_of, lens_of, ways_of
 from fakes.visionary.models import KINDS, Model
 from fakes.visionary.picture import Camera, Maps, Sight
 from fakes.wires.timing import F64
+from fakes.world.rotations import rotation_y, rotation_z
 from fakes.world.simple import Ground
 
 NONE = {"noise": 0.0, "flying": 0.0, "multipath": 0.0}
@@ -26,13 +27,27 @@ class Panel:
         self.near_m, self.far_m, self.mps, self.material = near_m, far_m, mps, PLAIN
 
     def met(self, t_s: float, begins: F64, ways: F64) -> Met:
-        near_m = (self.near_m - begins[:, 0]) / ways[:, 0]
-        is_near = begins[:, 1] + near_m * ways[:, 1] > self.mps * t_s
-        ranges_m = np.where(is_near, near_m, (self.far_m - begins[:, 0]) / ways[:, 0])
+        with np.errstate(divide="ignore", invalid="ignore"):  # rays along the wall
+            near_m, far_m = ((at - begins[:, 0]) / ways[:, 0] for at in (self.near_m, self.far_m))
+            is_near = begins[:, 1] + near_m * ways[:, 1] > self.mps * t_s
+        ranges_m = np.where(is_near, near_m, far_m)
         normals = np.broadcast_to(np.array([-1.0, 0.0, 0.0]), ways.shape)
-        points = begins + ranges_m[:, None] * ways
+        points = begins + np.where(np.isfinite(ranges_m), ranges_m, 0.0)[:, None] * ways
         materials = np.where(is_near, self.material, PLAIN)
         return Met(ways, ranges_m, points, normals, is_near.astype(np.int64), materials)
+
+
+class Turned:
+    """The same machine and the same scene, all turned and tilted in the map."""
+
+    def __init__(self, sight: Sight) -> None:
+        self._sight = sight
+        self._R = rotation_z(1.1) @ rotation_y(0.05)
+
+    def met(self, t_s: float, begins: F64, ways: F64) -> Met:
+        met = self._sight(t_s, begins, ways)
+        ways, points, normals = (one @ self._R.T for one in (met.ways, met.points, met.normals))
+        return met._replace(ways=ways, points=points, normals=normals)
 
 
 def maps(
@@ -71,6 +86,17 @@ def test_planes_between_rays_are_what_each_ray_would_meet() -> None:
     for sight in (Panel().met, Ground("wall:1.6").met):
         one = maps(sight, every_px=1)
         np.testing.assert_allclose(maps(sight).truth_m, one.truth_m, atol=1e-9)
+
+
+def test_how_the_machine_is_turned_in_the_map_does_not_matter() -> None:
+    for sight in (Panel().met, Ground("wall:1.6").met):
+        for given in ({}, {"multipath": 1.0, "shiny_share": 0.5}, {"every_px": 1}):
+            one, turned = (
+                maps(each, tilt_deg=25.0, **given) for each in (sight, Turned(sight).met)
+            )
+            np.testing.assert_allclose(turned.truth_m, one.truth_m, atol=1e-9)
+            assert np.abs(turned.raw.astype(int) - one.raw).max() <= 1
+            np.testing.assert_array_equal(turned.third, one.third)
 
 
 def test_the_same_seed_sees_the_same_and_another_other_noise() -> None:

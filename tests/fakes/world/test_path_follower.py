@@ -61,9 +61,33 @@ def test_a_corner_of_a_thing_is_passed_round_at_the_distance_that_was_asked() ->
     assert off_m(places, way) < 0.025
 
 
+@pytest.mark.parametrize("lever_m", [0.1, 0.2])
+def test_slight_corners_one_upon_the_other_are_kept_to_within_five_centimetres(
+    lever_m: float,
+) -> None:
+    yaws = np.radians(24.0) * np.array([1, 2, 3, 4, 3, 2, 1, 0, -1, -2, -3, -4])
+    steps = lever_m * np.column_stack([np.cos(yaws), np.sin(yaws)])
+    corners = np.array([1.5, 0.0]) + np.cumsum(steps, axis=0)
+    way = np.vstack([[0.0, 0.0], [1.5, 0.0], corners])
+    places, _ = driven(way)
+    assert off_m(places, way) < 0.045
+
+
 def test_it_stands_at_once_when_it_must() -> None:
     follower = PathFollower(LIMITS)
     follower.follow(np.array([[0.0, 0.0], [5.0, 0.0]]))
     for k in range(20):
         assert follower.power((0.1 * k, 0.0, 0.0), 0.8) >= (0, 0)
     assert follower.power((2.0, 0.0, 0.0), 0.0) == (0, 0)
+
+
+def test_beside_its_edge_it_finds_back_and_does_not_turn_for_ever() -> None:
+    world, follower = RollingWorld(hall_of(2).scene, 1), PathFollower(LIMITS)
+    controller = FakeAx3500(world, 1, "rc")
+    follower.follow(np.array([[-0.2, 0.12], [0.5, 0.12]]))
+    for k in range(400):
+        world.step_to(k * PERIOD_S)
+        controller.command(*follower.power(world.place, LIMITS.speed_mps))
+        controller.exchange(k * PERIOD_S, b"")
+    assert follower.is_done
+    assert world.place[:2] == pytest.approx((0.5, 0.12), abs=0.04)

@@ -66,7 +66,7 @@ def test_a_hall_that_was_run_before_is_read_and_not_run_again(
 ) -> None:
     row = halls.Row(
         7, SMALL, 25.0, True, 0.98, 0.05, 0, 0.04, True, 300.0, 50.0, 12.0, 2, 0, 2, 0, 0, 0, 9, 0,
-        40.0,
+        40.0, "",
     )  # fmt: skip
     path = tmp_path / "rows.jsonl"
     path.write_text(json.dumps(msgspec.to_builtins(row)) + '\n{"seed": 8, "cov')
@@ -74,6 +74,8 @@ def test_a_hall_that_was_run_before_is_read_and_not_run_again(
     assert halls.main(words) == 0
     told = capsys.readouterr()
     assert halls.line_of(row, "7") in told.out
+    away = msgspec.structs.replace(row, is_home=False, why="there is no way to the dock")
+    assert "| there is no way to the dock |" in halls.line_of(away, "7")
     assert "lively: 98.0 % covered at least" in told.out
     assert "a line is left out" in told.err
     with pytest.raises(SystemExit):

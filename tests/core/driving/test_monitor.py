@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
 from core.driving import control, health, monitor
-from core.driving.monitor import Monitor, Powers
+from core.driving.monitor import Monitor, Powers, Seen
 from core.driving.stall import STALLED
 from core.geometry import R_from_rpy, q_from_R
 from core.mapping.method import MAX_SLOPE_RAD
@@ -24,6 +24,13 @@ def test_a_robot_in_order_gets_its_power_and_halts_are_counted() -> None:
     robot.tick()
     assert robot.told(0.5, 0.2, pose=None) == monitor.NO_POSE
     assert robot.monitor.halts == 1
+
+
+def test_to_compile_its_kernel_halts_nothing() -> None:
+    robot = Robot()
+    robot.monitor.warm(Seen(None, None, robot.window, robot.mapped_s, robot.vouched))
+    assert robot.told(0.5, 0.2) == ""
+    assert robot.monitor.halts == 0
 
 
 INPUTS = [

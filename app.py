@@ -363,8 +363,9 @@ def warm_kernels(config: Config) -> None:
         app.tell(now_s, told, window_trusted)
         app.monitor.warm(app.seen(now_s))
         app.pilot.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
+    one = np.zeros(1, dtype=np.int64)
     for name in UNITS:
-        app.mapper.maybe_layer(name)
+        app.mapper.maybe_values(name, one, one)
     app.tiles.doubt = 0
     app.tiles.maybe_scan()
     for name in ON_ASKING:

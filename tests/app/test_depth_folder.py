@@ -42,6 +42,7 @@ class KinectLoop(DepthLoop):
         return int(window.cells[j % window.grid.size, i % window.grid.size])
 
 
+@pytest.mark.slow
 def test_a_folder_fills_the_near_field_and_takes_its_free_back_when_it_ends() -> None:
     config = config_of(driver="folder", port="folder:///home/robot/frames", period_s=0.1)
     loop = KinectLoop(config, "png", SMALL)

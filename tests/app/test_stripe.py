@@ -153,6 +153,7 @@ FAULTS: list[tuple[dict[str, Any], str]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "told"),
     few(FAULTS, 1),
@@ -199,6 +200,7 @@ def test_a_camera_that_vanishes_takes_free_back_and_is_seen_again(is_unplugged: 
     assert loop.is_seeing()
 
 
+@pytest.mark.slow
 def test_torn_images_invent_no_line() -> None:
     loop = StripeLoop(HIGH)
     loop.set(torn_rate=0.5)

@@ -78,6 +78,7 @@ def walked(config: Config) -> tuple[ClosedLoop, set[tuple[str, int, int]]]:
     return loop, wrong
 
 
+@pytest.mark.slow
 def test_a_walking_robot_tells_the_heights_of_boxes_and_none_of_their_cells_is_free() -> None:
     loop, wrong = walked(MESSOR)
     maps = loop.app.mapper.maps

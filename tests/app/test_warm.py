@@ -89,6 +89,7 @@ def test_every_kernel_of_a_camera_is_warm_where_that_is_the_scanner() -> None:
     assert not [name for name in cold if name.startswith("hw.stripe")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["reference_plane", "certainty"])
 def test_every_kernel_of_another_method_is_warm_where_that_is_set(method: str) -> None:
     cold = cold_after(map={"method": method})

@@ -18,6 +18,7 @@ def test_a_seed_gives_the_same_hall_and_another_seed_another() -> None:
         hall_of(-1)
 
 
+@pytest.mark.slow
 def test_halls_are_of_all_sizes_and_have_things_of_each_kind_with_room_between() -> None:
     areas, kinds, parted = [], set(), 0
     for seed in SEEDS:
@@ -36,6 +37,7 @@ def test_halls_are_of_all_sizes_and_have_things_of_each_kind_with_room_between()
     assert parted >= 5
 
 
+@pytest.mark.slow
 def test_odd_seeds_have_people_and_a_box_that_is_carried_elsewhere() -> None:
     for seed in SEEDS:
         hall = hall_of(seed)

@@ -32,8 +32,9 @@ ABLE = [
 @pytest.mark.parametrize("codec", ABLE)
 def test_no_bytes_from_a_device_raise_hang_or_fill_the_memory(codec: str, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "tools.fuzz", "--codec", codec]
+    runs = RUNS // 5 if codec == "kinect" else RUNS  # of 300 000 numbers each
     found = subprocess.run(
-        [*command, "--seconds", "0", "--runs", str(RUNS)],
+        [*command, "--seconds", "0", "--runs", str(runs)],
         cwd=ROOT,
         capture_output=True,
         text=True,
@@ -43,7 +44,7 @@ def test_no_bytes_from_a_device_raise_hang_or_fill_the_memory(codec: str, tmp_pa
     assert found.returncode == 0, found.stderr[-3000:]
     executed = re.search(r"stat::number_of_executed_units: (\d+)", found.stderr)
     assert executed is not None
-    assert int(executed[1]) >= RUNS  # the seeds come on top
+    assert int(executed[1]) >= runs  # the seeds come on top
 
 
 @pytest.mark.parametrize("codec", ABLE)

@@ -40,9 +40,7 @@ LEAST_CONFIDENCE = 6554  # as the settings of the app have it
 FRAME_TICKS = 5  # 4 frames a second
 LIMITS = Limits(speed_mps=0.8, accel_mps2=0.6, turn_radps=1.2, turn_accel_radps2=2.5)
 MACHINE = Machine(radius_m=0.35, clearance_m=0.03, width_m=0.6, overlap_m=0.03)
-REACH_CLEAR_M = (
-    0.05  # floor that the machine reaches only with less room than that need not be swept
-)
+REACH_CLEAR_M = 0.05  # beside the clearance: floor with less room for the machine counts as none
 SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.025, size_m=90.0, seen_frames=3, start_clear_m=1.4, guard_m=0.03,
     explained_m=0.3, sliver_m=0.06, enough=0.002, rounds=6, tries=24,

@@ -75,7 +75,10 @@ c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner 
 	  $(addprefix tests/fakes/planner_mcu/test_,doubts.py extremes.py rules.py views.py) \
 	  $(addprefix tests/tools/conformance/test_,conformance.py soak.py)
 
-test: setup $(VENV)/.ready-test ## the tests, on all cores: none of them looks at the clock
+$(VENV)/.ready-test: | $(VENV)/.ready-sim # one pip at a time; kernels compile beside the second
+
+test: ## the tests, on all cores: none of them looks at the clock
+	@$(MAKE) --no-print-directory -j2 setup $(VENV)/.ready-test
 	@echo "mapod: running the tests, but not the slow ones and those in real time (make test-all)"
 	@$(PYTEST) $(PARALLEL) -m "not slow and not real_time"
 

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all lock sbom flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
+.PHONY: help setup run rig planner test test-all lock sbom flash-proof nightly coverage decisions mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -68,6 +68,7 @@ DRAWN = $(BIN)/python -c "from tools.docs.pictures import record; record(['$(1)'
 # The drives of one file share what they look at, so a file stays in one process.
 PYTEST := $(BIN)/python -m pytest
 PARALLEL := -n auto --maxprocesses 8 --dist loadfile
+SECOND_ROOT := tests/tools/flash/test_second_root.py # it waits more than it works
 
 c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner under the address and undefined behaviour sanitizers
 	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
@@ -84,19 +85,24 @@ test: ## the tests, on all cores: none of them looks at the clock
 
 test-all: test $(VENV)/.ready-fuzz ## the tests, then the slow ones, those in real time one by one, the C under sanitizers, mutants
 	@echo "mapod: running the slow tests"
-	@$(PYTEST) $(PARALLEL) -m "slow and not real_time"
+	@$(PYTEST) $(PARALLEL) --no-loadscope-reorder -m "slow and not real_time"
 	@echo "mapod: running the tests in real time"
-	@$(PYTEST) -n 0 -m real_time
-	@$(MAKE) --no-print-directory coverage mutants c-sanitize
+	@$(PYTEST) -n 0 -m real_time --ignore=$(SECOND_ROOT)
+	@echo "mapod: proving the flash on a second root, coverage and mutants beside it"
+	@$(MAKE) --no-print-directory -j2 flash-proof decisions
+	@$(MAKE) --no-print-directory c-sanitize
 
 flash-proof: setup $(VENV)/.ready-test ## flash, crash, hang, broken version, 20 power cuts, rollback: on a second root with systemd; needs root
-	@$(PYTEST) -n 0 -s tests/tools/flash/test_second_root.py
+	@$(PYTEST) -n 0 -s $(SECOND_ROOT)
 
 nightly: setup $(VENV)/.ready-test ## the tests of properties, with many more examples, other ones each time
 	@$(PYTEST) $(PARALLEL) --hypothesis-profile nightly -m "hypothesis and not real_time"
 
 coverage: setup $(VENV)/.ready-test ## every branch of what says free or moves the robot, with kernels as Python: 100 % or it fails
 	@$(BIN)/python -m tests.mutation.coverage
+
+decisions: | coverage # both, one after the other
+	@$(MAKE) --no-print-directory mutants
 
 mutants: setup $(VENV)/.ready-test ## faults put into those files: their tests must see each [N=100: a sample, SEED=1; ONLY=path]
 	@$(BIN)/python -m tests.mutation --count $(or $(N),0) --seed $(SEED) $(if $(ONLY),--only $(ONLY))

@@ -71,12 +71,7 @@ class Hunt:
         """In copies of this process: the tests without a fault, then with each."""
         if session.testsfailed:
             raise session.Failed("the tests cannot be collected")
-        reader, writer = os.pipe()
-        if self._fork(session, session.items, None, writer) != os.wait()[0]:
-            raise AssertionError
-        os.close(writer)
-        with open(reader, encoding="utf-8") as file:
-            self.seconds = json.loads(file.read() or "{}")
+        self.seconds = self._seconds_without(session)
         if not self.seconds:
             raise session.Failed("a test fails without any mutant")
         under_way: dict[int, Mutant] = {}
@@ -87,6 +82,17 @@ class Hunt:
                 fate = "LIVES" if lives else "seen"
                 print(f"{done:4} of {len(self.chosen)}: {fate} {mutant.name}", flush=True)
         return True
+
+    def _seconds_without(self, session: pytest.Session) -> dict[str, float]:
+        """What each test costs without a fault; nothing when one fails."""
+        reader, writer = os.pipe()
+        pid = self._fork(session, session.items, None, writer)
+        os.close(writer)
+        with open(reader, encoding="utf-8") as file:
+            told = file.read()  # before the wait: a pipe holds 64 kB, and then its writer waits
+        os.waitpid(pid, 0)
+        seconds: dict[str, float] = json.loads(told or "{}")
+        return seconds
 
     def _judged(
         self, session: pytest.Session, under_way: dict[int, Mutant]
@@ -126,7 +132,8 @@ class Hunt:
                     break
             status = 1 if session.testsfailed else 0
             if writer is not None and status == 0:
-                os.write(writer, json.dumps(self.seconds).encode())
+                with open(writer, "w", encoding="utf-8") as file:
+                    json.dump(self.seconds, file)
         except BaseException as error:  # noqa: BLE001
             os.write(2, f"{mutant and mutant.name}: {error!r}\n".encode())
         finally:

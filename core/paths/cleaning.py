@@ -31,6 +31,9 @@ AT_DOCK_M = 0.25  # from there the dock can be got to
 TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
 ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
+GAP_M = 0.12  # from the end of a view to what it ends at, at most
+AHEAD_M = 0.04  # of the tool: where it is in the next instants
+SPECK_CELLS = 3  # that are not clean: so few are left at the border of any band
 CLEAR_M = 0.08  # around the machine, that is clear where it starts
 
 
@@ -96,11 +99,28 @@ class Cleaning:
             band = shapely.Point(end[:2]) if line is None else line
             self.clean.add(_outline(band.buffer(machine.width_m / 2)))
 
+    def has_work(self, place: Place) -> bool:
+        """Whether a tool that goes ahead there sweeps floor that is not clean yet."""
+        ahead = np.array([math.cos(place[2]), math.sin(place[2])]) * AHEAD_M
+        tool = disc(np.array(place[:2]) + ahead, self.settings.machine.width_m / 2)
+        return self.clean.count_below(tool) > SPECK_CELLS
+
     def free(self, things: Sequence[Polygon]) -> BaseGeometry:
-        """Where the machine's outline may be: seen, and away from things."""
+        """Where the machine's outline may be: seen, or hidden by a known thing; away from things."""
         guard_m = self.settings.guard_m
         bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in things])
-        return self.floor.free().difference(bars)
+        seen = self.floor.free()
+        beside = self._beside(seen, things)
+        self.floor.explain(beside)
+        return shapely.union_all([seen, *beside]).difference(bars)
+
+    def _beside(self, seen: BaseGeometry, things: Sequence[Polygon]) -> list[Polygon]:
+        """Gaps between seen floor and what is known to stand there: views end before that."""
+        outlines = shapely.union_all(things)
+        both = shapely.buffer(seen.union(outlines), GAP_M / 2, quad_segs=2)
+        closed = shapely.buffer(both, -GAP_M / 2, quad_segs=2)
+        near = shapely.buffer(outlines, GAP_M, quad_segs=2)
+        return polygons_in(closed.intersection(near).difference(seen))
 
     def plan(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.

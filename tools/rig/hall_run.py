@@ -20,7 +20,7 @@ from core.objects.records import Floats
 from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import ObjectMap
 from core.paths.cleaning import Cleaning, CleaningSettings, Place, Task
-from core.paths.records import Machine, Segment
+from core.paths.records import Machine
 from core.paths.rings import joined
 from core.paths.space import polygons_in
 from core.records import F64, DepthCamera, DepthImage
@@ -49,6 +49,8 @@ POSE_M, POSE_RAD, POSE_S = 0.01, math.radians(0.2), 10.0  # 1 sigma of the belie
 AHEAD_M = 0.9  # of the path that is looked at: the machine stands before what is on it
 KEPT_M = MACHINE.radius_m + 0.02  # so far from the path nothing may stand
 SLACK_M = 0.005
+STRAIGHT_M = 0.003  # by which the path that is followed may leave the planned one
+HALTED_MPS = 0.02  # slower is standing
 WAIT_S = 2.5  # before what passes, until another way is sought
 LOOK_S = 1.2  # at a frontier
 FIRST_FRAMES = 6  # before it sets out
@@ -140,8 +142,7 @@ class HallRun:
         self._controller = FakeAx3500(self.world, seed, "rc")
         self._follower, self._drift = PathFollower(LIMITS), Drift(seed)
         self._camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(objects)
-        self._kinds = list[bool]()  # of the path's edges: whether they sweep
-        self._tick, self._at = 0, (0.0, 0.0, 0.0)
+        self._tick, self._at, self._halts = 0, (0.0, 0.0, 0.0), False
         self._barred_s = self._arrived_s = math.inf
         self._version, self._passing = 0, list[Polygon]()
         self._checked: tuple[int, list[Polygon]] = (-1, [])
@@ -168,7 +169,7 @@ class HallRun:
             self._look(place)
         may_mps = self._may_mps(place)
         self._go_on(place, is_barred=may_mps == 0.0)
-        self._controller.command(*self._follower.power(place, may_mps))
+        self._controller.command(*self._follower.power(place, 0.0 if self._halts else may_mps))
         self._controller.exchange(self.now_s, b"")
 
     # what it sees
@@ -205,8 +206,8 @@ class HallRun:
 
     @property
     def _sweeps(self) -> bool:
-        edge = self._follower.edge
-        return self.task.goal == "sweep" and 0 <= edge < len(self._kinds) and self._kinds[edge]
+        """Whether the tool is down: where all is clean it need not be."""
+        return self.task.goal == "sweep" and self.cleaning.has_work(self._at)
 
     def _may_mps(self, place: Place) -> float:
         """0 where something is on the path right ahead, or where the floor is not known."""
@@ -230,8 +231,10 @@ class HallRun:
     def _go_on(self, place: Place, is_barred: bool) -> None:
         """A new task where the old one is done, or where nothing goes on."""
         self._barred_s = min(self._barred_s, self.now_s) if is_barred else math.inf
-        if self.task.goal == "look" and self._tick % 10 == 0 and self._is_seen():
-            return self._plan(place)
+        if self.task.goal == "look" and self._tick % 10 == 0:
+            self._halts = self._halts or self._is_seen()
+        if self._halts:
+            return self._plan(place) if abs(self.world.speeds[0]) < HALTED_MPS else None
         if self.now_s - self._barred_s > WAIT_S:
             self._barred_s = math.inf
             return self._plan(place, may_look=self.task.goal == "look")
@@ -251,7 +254,7 @@ class HallRun:
         return at is not None and at.block not in self.cleaning.frontiers(self.things())
 
     def _plan(self, place: Place, may_look: bool = True) -> None:
-        self._arrived_s = math.inf
+        self._arrived_s, self._halts = math.inf, False
         self.tally.plans += 1
         self.task = self.cleaning.plan(place, self.things(), may_look)
         if self.task.goal in ("wait", "done", "stuck"):
@@ -259,7 +262,8 @@ class HallRun:
             self._follower.follow(np.array([place[:2]]))
             return
         points = joined([np.array([place[:2]]), *(one.points for one in self.task.segments)])
-        self._kinds = _kinds_of(points, self.task.segments)
+        way = shapely.simplify(shapely.LineString(points), STRAIGHT_M) if len(points) > 1 else None
+        points = points if way is None else shapely.get_coordinates(way)
         self._follower.follow(points, self.task.yaw)
 
     # what is true
@@ -293,12 +297,6 @@ class HallRun:
             self.tally.people_seen += 1
             at = shapely.Point(px, py)
             self.tally.people_missed += not any(one.dwithin(at, 0.5) for one in self._passing)
-
-
-def _kinds_of(points: F64, segments: tuple[Segment, ...]) -> list[bool]:
-    """Whether each edge of a joined path sweeps."""
-    kinds = [kind for one in segments for kind in [one.kind == "sweep"] * (len(one.points) - 1)]
-    return [False] * (len(points) - 1 - len(kinds)) + kinds
 
 
 def _first(points: F64, metres: float) -> F64:

@@ -27,10 +27,12 @@ from core.records import F64
 Goal = Literal["look", "sweep", "home", "wait", "done", "stuck"]
 Place = tuple[float, float, float]  # x, y, yaw
 LOOKS = 2  # at one frontier, at most: what is still unseen is seen while sweeping, or never
+LOOKS_MOST, MOVED_M = 6, 0.15  # at one whose middle has moved by that since: it was seen in part
 AT_DOCK_M = 0.25  # from there the dock can be got to
 TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
 ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
+GRAZING_M = 0.1  # from things to the line along which it looks past them
 GAP_M = 0.12  # from the end of a view to what it ends at, at most
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
 SPECK_CELLS = 3  # that are not clean: so few are left at the border of any band
@@ -80,7 +82,8 @@ class Cleaning:
         self.floor.vouch(lane @ np.array([[c, sin], [-sin, c]]) + at)
         self.floor.vouch(disc(at, s.machine.radius_m + CLEAR_M))
         self._things: list[Polygon] = []
-        self._looks = Counter[Block]()  # at frontiers, so far
+        self._looks, self._looks_in_all = Counter[Block](), Counter[Block]()  # at frontiers
+        self._looked_at: dict[Block, tuple[float, float]] = {}
         self._rounds = self._tried = 0
         self._won_m2 = 0.0
 
@@ -106,7 +109,7 @@ class Cleaning:
         return self.clean.count_below(tool) > SPECK_CELLS
 
     def free(self, things: Sequence[Polygon]) -> BaseGeometry:
-        """Where the machine's outline may be: seen, or hidden by a known thing; away from things."""
+        """Where the machine's outline may be: seen, or hidden by a thing; and away from things."""
         guard_m = self.settings.guard_m
         bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in things])
         seen = self.floor.free()
@@ -160,17 +163,24 @@ class Cleaning:
     def _look(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task | None:
         near = [one.buffer(self.settings.explained_m) for one in self._things]
         blocks = frontier_blocks(self.floor, self.floor.mask_of(near))
-        left = {name: at for name, at in blocks.items() if self._looks[name] < LOOKS}
-        bars = shapely.union_all(self._things)
+        left = {name: at for name, at in blocks.items() if self._is_worth_a_look(name, at)}
+        bars = shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in self._things])
         seen_from = next_viewpoint(left, space, bars, place)
         if seen_from is None:
             return None
         self._looks[seen_from.block] += 1
+        self._looks_in_all[seen_from.block] += 1
+        self._looked_at[seen_from.block] = seen_from.frontier
         way = self._way(space, graph, place, seen_from.place)
         if way is None:
             return self._look(space, graph, place)
         (x, y), (at_x, at_y) = seen_from.place, seen_from.frontier
         return Task("look", (Segment("travel", way),), math.atan2(at_y - y, at_x - x), seen_from)
+
+    def _is_worth_a_look(self, name: Block, at: tuple[float, float]) -> bool:
+        if math.dist(at, self._looked_at.get(name, at)) > MOVED_M:
+            self._looks[name] = 0
+        return self._looks[name] < LOOKS and self._looks_in_all[name] < LOOKS_MOST
 
     def _way(
         self, space: Polygon, graph: VisibilityGraph, place: Place, goal: tuple[float, float]

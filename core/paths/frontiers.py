@@ -84,8 +84,9 @@ def frontier_blocks(floor: SeenFloor, known: Mask) -> dict[Block, Point]:
     beside[:, 1:] |= seen[:, :-1]
     beside[:, :-1] |= seen[:, 1:]
     cells = np.argwhere(unknown & beside)
+    first = [part.start for part in floor.window]  # the window grows: names are of all the floor
     names, which, counts = np.unique(
-        cells // BLOCK, axis=0, return_inverse=True, return_counts=True
+        (cells + first) // BLOCK, axis=0, return_inverse=True, return_counts=True
     )
     centres, found = floor.centres(cells), dict[Block, Point]()
     for k in np.flatnonzero(counts >= LEAST_CELLS):

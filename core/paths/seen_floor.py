@@ -22,6 +22,7 @@ from jit import kernel
 U8 = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 MOST = 12  # that a cell counts to: what was there longer takes no longer to be doubted
+SPECK_M2 = 0.0026  # so much of a way may be unseen: no thing that counts is as small
 DOUBT = 4  # of these a frame takes away in which something stands there
 
 
@@ -136,11 +137,11 @@ class SeenFloor:
         return int(np.count_nonzero(self.is_seen())) * self.cell_m**2
 
     def is_free(self, outline: F64) -> bool:
-        """Whether all cells whose corners lie in an outline (n, 2) are seen or explained."""
+        """Whether all cells in an outline (n, 2) are seen or explained, but for a speck."""
         window, nodes = self._within(outline)
         touched = nodes[:-1, :-1] & nodes[1:, 1:]
         is_free = (self.count[window] >= self._least) | self._explained[window]
-        return bool(is_free[touched == 1].all())
+        return int(np.count_nonzero(touched & ~is_free)) <= SPECK_M2 / self.cell_m**2
 
     def count_below(self, outline: F64) -> int:
         """How many cells within an outline (n, 2) are not seen; outside of the square none is."""

@@ -73,12 +73,12 @@ class PathFollower:
 
         Args:
             place: x, y, yaw.
-            may_mps: 0: stand.
+            may_mps: 0: stand, or turn on the spot.
         """
         limits = self._limits
         v, w = self._wanted(place)
         v = min(v, may_mps)
-        w = w if may_mps > 0.0 else 0.0
+        w = w if may_mps > 0.0 or self._turning else 0.0
         self._v_mps = _towards(self._v_mps, v, limits.accel_mps2 * PERIOD_S)
         if may_mps <= 0.0 or (self._turning and v <= 0.0):
             self._v_mps = 0.0

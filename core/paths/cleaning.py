@@ -17,7 +17,14 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from core.paths.coverage import plan_coverage, space_at
-from core.paths.frontiers import Block, Viewpoint, frontier_blocks, next_viewpoint
+from core.paths.frontiers import (
+    FEW_CELLS,
+    LEAST_CELLS,
+    Block,
+    Viewpoint,
+    frontier_blocks,
+    next_viewpoint,
+)
 from core.paths.records import Machine, Segment
 from core.paths.seen_floor import SeenFloor
 from core.paths.space import FloorError, grown, polygons_in
@@ -157,12 +164,16 @@ class Cleaning:
 
     def frontiers(self, things: Sequence[Polygon]) -> set[Block]:
         """Names of the frontiers that there are."""
+        return set(self._blocks(things))
+
+    def _blocks(self, things: Sequence[Polygon]) -> dict[Block, tuple[float, float]]:
+        """Middles of frontiers; behind the first sweep of smaller ones too, which bar its way."""
         near = [one.buffer(self.settings.explained_m) for one in things]
-        return set(frontier_blocks(self.floor, self.floor.mask_of(near)))
+        least = FEW_CELLS if self._rounds > 0 else LEAST_CELLS
+        return frontier_blocks(self.floor, self.floor.mask_of(near), least)
 
     def _look(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task | None:
-        near = [one.buffer(self.settings.explained_m) for one in self._things]
-        blocks = frontier_blocks(self.floor, self.floor.mask_of(near))
+        blocks = self._blocks(self._things)
         left = {name: at for name, at in blocks.items() if self._is_worth_a_look(name, at)}
         bars = shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in self._things])
         seen_from = next_viewpoint(left, space, bars, place)

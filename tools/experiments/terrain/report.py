@@ -5,7 +5,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from core.records import F64
-from tools.experiments.terrain.feet import ALL_HEIGHTS, FEET, MEASURED, TRUE, Filled, Walked
+from tools.experiments.terrain.feet import (
+    ALL_HEIGHTS,
+    FEET,
+    MEASURED,
+    TRUE,
+    Filled,
+    Walked,
+)
 from tools.experiments.terrain.measure import Figures
 from tools.experiments.terrain.methods import NAMES, SHADED
 from tools.experiments.terrain.runs import Results
@@ -116,6 +123,15 @@ def feet_table(found: Results) -> list[str]:
     return rows
 
 
+def free_table(found: Results) -> list[str]:
+    rows = _head("ground", "body", "method", "cells told free", "of these not free", "%")
+    for ground, walk, name, runs in _by_method(found):
+        cells, wrong = np.array([run.freed for run in runs]).mean(axis=0).tolist()
+        share = f"{100 * wrong / cells:.2f}" if cells else "-"
+        rows.append(_row(ground, walk, name, f"{cells:.1f}", f"{wrong:.2f}", share))
+    return rows
+
+
 def tables(found: Results) -> str:
     """All of them, as Markdown."""
     seeds = found.seeds
@@ -125,6 +141,7 @@ def tables(found: Results) -> str:
         (f"**Rocks**: means of {seeds.rocks} seeds.", rocks_table),
         (f"**Heights filled in**: means of {seeds.rocks} seeds.", filled_table),
         (f"**Footholds**: the best ones of {seeds.rocks} seeds.", feet_table),
+        (f"**Free ground**: means of {seeds.rocks} seeds.", free_table),
     )
     return "\n\n".join("\n".join([title, "", *table(found)]) for title, table in parts)
 

@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all lock sbom flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
+.PHONY: help setup run rig planner test test-all lock audit sbom flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -111,6 +111,11 @@ lock: | $(BIN)/python ## requirements.lock anew, from pyproject.toml: versions a
 	@build/uv/bin/uv pip compile pyproject.toml --quiet --all-extras --generate-hashes --universal \
 	  --python-version 3.11 --no-header $(if $(UPGRADE),--upgrade) --output-file requirements.lock
 	@$(MAKE) --no-print-directory sbom
+
+audit: | $(BIN)/python ## requirements.lock against a public list of known weaknesses; needs a network, so CI does not [SERVICE=osv]
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet --target build/audit "pip-audit>=2.9,<3" || \
+	  { echo "mapod: pip-audit can't be fetched: is there a network?"; exit 2; }
+	@$(BIN)/python -m tools.deps.audit --tool build/audit $(if $(SERVICE),--service $(SERVICE))
 
 sbom: | $(BIN)/python ## docs/sbom.cdx.json from requirements.lock: all libraries, in the form CycloneDX
 	@$(BIN)/python -m tools.deps.sbom

@@ -174,7 +174,7 @@ terrain: setup $(VENV)/.ready-camera ## docs/terrain.md's maps of centimetres, b
 	@$(BIN)/python -m tools.experiments.terrain $(ARGS)
 
 fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the codecs, then of the C header [MINUTES=10 each]
-	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
+	@$(BIN)/python -m tools.fuzz --count --keep --seconds $$(( 60 * $(or $(MINUTES),10) ))
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
 mcu: setup $(VENV)/.ready-test ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4

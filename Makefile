@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all lock sbom flash-proof nightly coverage decisions mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
+.PHONY: help setup run rig planner test test-all lock audit sbom flash-proof nightly coverage decisions mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -118,6 +118,11 @@ lock: | $(BIN)/python ## requirements.lock anew, from pyproject.toml: versions a
 	  --python-version 3.11 --no-header $(if $(UPGRADE),--upgrade) --output-file requirements.lock
 	@$(MAKE) --no-print-directory sbom
 
+audit: | $(BIN)/python ## requirements.lock against a public list of known weaknesses; needs a network, so CI does not [SERVICE=osv]
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet --target build/audit "pip-audit>=2.9,<3" || \
+	  { echo "mapod: pip-audit can't be fetched: is there a network?"; exit 2; }
+	@$(BIN)/python -m tools.deps.audit --tool build/audit $(if $(SERVICE),--service $(SERVICE))
+
 sbom: | $(BIN)/python ## docs/sbom.cdx.json from requirements.lock: all libraries, in the form CycloneDX
 	@$(BIN)/python -m tools.deps.sbom
 
@@ -175,7 +180,7 @@ terrain: setup $(VENV)/.ready-camera ## docs/terrain.md's maps of centimetres, b
 	@$(BIN)/python -m tools.experiments.terrain $(ARGS)
 
 fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the codecs, then of the C header [MINUTES=10 each]
-	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
+	@$(BIN)/python -m tools.fuzz --count --keep --seconds $$(( 60 * $(or $(MINUTES),10) ))
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
 mcu: setup $(VENV)/.ready-test ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4

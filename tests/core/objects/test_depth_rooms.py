@@ -89,6 +89,15 @@ def test_a_person_who_walks_is_always_told_and_never_in_the_map(pose_m: float) -
     assert told == 45
 
 
+def test_a_person_is_one_obstacle_whatever_of_him_is_seen() -> None:
+    """So near that legs and trunk come and go, and part."""
+    walker = person(-0.6, -0.9, 0.0, 0.5)
+    there, mapper = Room([walker], walls(), 0.01, 6, *CAMERAS[0]), Mapper()
+    for k in range(24):
+        [update] = watch(there, mapper, 1)
+        assert [one.id for one in update.obstacles] == [1], k
+
+
 def test_nothing_is_deleted_before_the_near_edge_of_the_view() -> None:
     near, mapper = box(-0.9, 0.0, 0.3, 0.3, 0.0, 0.3), Mapper()
     there = Room([near], walls(), 0.01, 7, *CAMERAS[1])

@@ -53,6 +53,7 @@ def test_a_drive_finds_what_it_has_seen(pose_m: float, camera: tuple[float, floa
     assert judged.missed == 0
     assert judged.fragments + judged.false <= 3
     assert np.median(judged.corners_m) < 0.03
+    assert {one.kind for one in mapper.objects.objects()} == {"static"}
 
 
 @pytest.mark.parametrize("pose_m", [0.01, 0.03])

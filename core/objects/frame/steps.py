@@ -167,6 +167,7 @@ class FrameSteps:
             settings.min_range_m, settings.max_range_m, *self._noise, settings.top_m,
             settings.floor_m, settings.pit_m, steep[0], steep[1], lens_m,
             DENSE * settings.voxel_m / max(room.across_rad, room.down_rad, 1e-6),
+            settings.cluster_m, pixels.SLANT * max(room.across_rad, room.down_rad),
         )  # fmt: skip
         covariance: Six = (*C[0].tolist(), *C[1, 1:].tolist(), float(C[2, 2]))
         R = floor.level_rotation(b, c) @ level.R

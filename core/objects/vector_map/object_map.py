@@ -88,6 +88,7 @@ class ObjectMap:
             mapped.polygon, mapped.finished = one.polygon, one.finished
             mapped.bottom_m, mapped.top_m, mapped.views = one.bottom_m, one.top_m, one.seen_from
             mapped.rate, mapped.frames = 1.0, round(self.settings.memory_frames)
+            mapped.stood = mapped.lines(), mapped.lines()
             self._objects[one.id] = mapped
             self._told(mapped)
         for wall in walls:
@@ -228,10 +229,11 @@ class ObjectMap:
 
     def _split(self, one: Mapped, outline: Floats) -> None:
         """Make a part of an object one of its own."""
-        part = Mapped(self._new_id(), one.first_s, self.settings, "moved")
+        part = Mapped(self._new_id(), one.first_s, self.settings, one.kind)
         part.polygon, part.finished = outline, np.ones(len(outline), dtype=bool)
         part.bottom_m, part.top_m, part.views = one.bottom_m, one.top_m, one.views
         part.frames, part.seen_s, part.rate = one.frames, one.seen_s, one.rate
+        one.is_another()
         self._objects[part.id] = part
         field = one.awake()
         field.give_away(pieces_of(outline, 1.0))
@@ -259,6 +261,7 @@ class ObjectMap:
         one.awake().take(other.awake())
         one.bottom_m, one.top_m = min(one.bottom_m, other.bottom_m), max(one.top_m, other.top_m)
         one.views |= other.views
+        one.is_another()
         self._remove(other)
         self._draw(one)
 

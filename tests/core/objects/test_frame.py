@@ -123,6 +123,20 @@ def test_far_small_things_count_and_noise_does_not() -> None:
     assert found(Scene(), noise_m=0.004, lost=0.2, seed=3).objects.detections == ()
 
 
+def test_a_mixed_range_at_an_edge_before_what_is_out_of_reach_bars_no_way() -> None:
+    """Such a pixel has any range; it stood as an obstacle right before the robot."""
+    at = placed(0.6, 12.0)
+    frame = image(Scene((Box(2.5, 0.0, 0.3, 0.4, 0.0, 1.1),)), at, CAMERA)
+    numbers = frame.numbers.copy()
+    edge = np.argwhere((numbers[:, :-1] > 0) & (numbers[:, 1:] == 0))[::3]
+    assert len(edge) > 5
+    numbers[edge[:, 0], edge[:, 1] + 1] = np.linspace(1200, 7000, len(edge))
+    steps, mixed = FrameSteps(SETTINGS), DepthImage(1.5, numbers, CAMERA, 7, 1.6)
+    told = steps.find(mixed, pose(at), NO_WALLS)
+    assert len(told.objects.detections) == 1
+    assert steps.room.ranges[steps.room.kinds == pixels.THING].min() > 2.2
+
+
 @pytest.mark.parametrize("far_m", [1.0, 1.8])
 def test_a_sill_and_a_carpet_are_told_as_low_things(far_m: float) -> None:
     sill, carpet = Box(far_m, 0.0, 0.08, 0.9, 0.0, 0.015), Box(2.8, 0.0, 0.8, 0.8, 0.0, 0.012)

@@ -88,6 +88,8 @@ test-all: test $(VENV)/.ready-fuzz ## the tests, then the slow ones, those in re
 	@$(PYTEST) $(PARALLEL) --no-loadscope-reorder -m "slow and not real_time"
 	@echo "mapod: running the tests in real time"
 	@$(PYTEST) -n 0 -m real_time --ignore=$(SECOND_ROOT)
+	@echo "mapod: comparing costs with those kept last (make bench)"
+	@$(BIN)/python -m tools.bench.ratios --check
 	@echo "mapod: proving the flash on a second root, coverage and mutants beside it"
 	@$(MAKE) --no-print-directory -j2 flash-proof decisions
 	@$(MAKE) --no-print-directory c-sanitize
@@ -134,7 +136,11 @@ flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: d
 	@test -n "$(HOST)" || { echo "mapod: which robot? make flash HOST=user@robot"; exit 1; }
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 
-bench: setup $(VENV)/.ready-test ## what the process uses, beside the figures kept last; what a scan, an image, the planner link and a depth frame cost [KEEP=1 keeps them]
+bench: setup $(VENV)/.ready-test ## ratios to NumPy, OpenCV, OctoMap and to itself, smaller; what the process uses, beside the figures kept last; what a scan, an image, the planner link and a depth frame cost [KEEP=1 keeps them]
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet --no-deps --target build/octomap "pyoctomap>=1.2,<2" || \
+	  echo "mapod: without OctoMap beside it"
+	@$(BIN)/python -m tools.bench.ratios $(if $(KEEP),--keep)
+	@$(if $(KEEP),$(call DRAWN,bench-ratios.png,bench,tools/bench/ratio_picture.py))
 	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.mapping

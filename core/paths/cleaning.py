@@ -27,7 +27,7 @@ from core.paths.frontiers import (
 )
 from core.paths.records import Machine, Segment
 from core.paths.seen_floor import SeenFloor
-from core.paths.space import FloorError, grown, polygons_in
+from core.paths.space import FloorError, grown, narrowed, polygons_in
 from core.paths.visibility import VisibilityGraph
 from core.records import F64
 
@@ -43,7 +43,9 @@ GRAZING_M = 0.1  # from things to the line along which it looks past them
 GAP_M = 0.12  # from the end of a view to what it ends at, at most
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
 SPECK_CELLS = 3  # that are not clean: so few are left at the border of any band
-CLEAR_M = 0.08  # around the machine, that is clear where it starts
+CLEAR_M = 0.08  # around the machine, that is clear where it starts,
+LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
+PARTED_M2, PARTED_LOOKS = 1.0, 8  # of places that are parted off: so often it turns and looks again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,14 +86,14 @@ class Cleaning:
         self.floor = SeenFloor(at, s.size_m, s.cell_m, s.seen_frames)
         self.clean = SeenFloor(at, s.size_m, s.cell_m, 1)
         lane = np.array([[0.0, -1.0], [1.0, -1.0], [1.0, 1.0], [0.0, 1.0]])
-        lane *= [s.start_clear_m, s.machine.radius_m + CLEAR_M]
+        lane *= [s.start_clear_m, s.machine.radius_m + LANE_CLEAR_M]
         c, sin = math.cos(dock[2]), math.sin(dock[2])
         self.floor.vouch(lane @ np.array([[c, sin], [-sin, c]]) + at)
         self.floor.vouch(disc(at, s.machine.radius_m + CLEAR_M))
         self._things: list[Polygon] = []
         self._looks, self._looks_in_all = Counter[Block](), Counter[Block]()  # at frontiers
         self._looked_at: dict[Block, tuple[float, float]] = {}
-        self._rounds = self._tried = 0
+        self._rounds = self._tried = self._parted = 0
         self._won_m2 = 0.0
 
     def see(self, view: F64, standing: Iterable[Polygon]) -> None:
@@ -160,7 +162,7 @@ class Cleaning:
         if may_look and (task := self._look(space, graph, place)) is not None:
             return task
         self._rounds += may_look
-        return self._sweep(free, space, here) or self._home(space, graph, place)
+        return self._sweep(free, space, here) or self._home(free, space, graph, place)
 
     def frontiers(self, things: Sequence[Polygon]) -> set[Block]:
         """Names of the frontiers that there are."""
@@ -221,9 +223,21 @@ class Cleaning:
             return None
         return Task("sweep", plan.segments)
 
-    def _home(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task:
+    def _wait_for_more(self, free: BaseGeometry, space: Polygon, place: Place) -> Task | None:
+        """Look round before it goes home, where much seen floor is parted off: people pass."""
+        places_m2 = narrowed(free, self.settings.machine.margin_m).area
+        if places_m2 - space.area < PARTED_M2 or self._parted >= PARTED_LOOKS:
+            return None
+        self._parted += 1
+        return Task("look", (), place[2] + TURN_RAD, why="floor that was seen is parted off")
+
+    def _home(
+        self, free: BaseGeometry, space: Polygon, graph: VisibilityGraph, place: Place
+    ) -> Task:
         if space.distance(shapely.Point(self._dock[:2])) > AT_DOCK_M:  # something parts it off
             return Task("look", (), place[2] + TURN_RAD, why="something parts it from the dock")
+        if (task := self._wait_for_more(free, space, place)) is not None:
+            return task
         way = self._way(space, graph, place, self._dock[:2])
         if way is None:
             return Task("wait", why="there is no way to the dock")

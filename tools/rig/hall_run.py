@@ -201,17 +201,23 @@ class HallRun:
         frame = update.correction.frame(told.objects)
         self._turns = 0
         self._views.add(self.now_s, frame.origin, frame.view)
-        self.cleaning.see(frame.view, [*self._passing, *self._near(place)])
+        walks = [one.is_moving for one in update.obstacles]  # over floor that stays as it was
+        new = [one for one, moves in zip(self._passing, walks, strict=True) if not moves]
+        self.cleaning.see(frame.view, [*new, *self._near(place, self._mapped())])
 
     def things(self) -> list[Polygon]:
         """All that is known to be somewhere, walls too."""
+        return self._mapped() + self._passing
+
+    def _mapped(self) -> list[Polygon]:
+        """What is in the map, walls too."""
         if self._checked[0] != self._version:
             found = [_polygon(one.polygon) for one in self.map.objects()]
             for wall in self.map.walls.records():
                 lines = shapely.linestrings(wall.segments.reshape(-1, 2, 2))
                 found += list(shapely.buffer(lines, 0.01, cap_style="square"))
             self._checked = self._version, found
-        return self._checked[1] + self._passing
+        return self._checked[1]
 
     # what it drives
 
@@ -227,7 +233,7 @@ class HallRun:
             return LIMITS.speed_mps
         line, here = shapely.LineString(_first(rest, AHEAD_M)), shapely.Point(place[:2])
         heading = _heading(place, LAG_M + LAG_S * max(0.0, self.world.speeds[0]))
-        for one in self._near(place):  # away from what it is too near to it may go
+        for one in self._near(place, self.things()):  # away from what it is too near to it may go
             most_m = here.distance(one) - SLACK_M
             if line.distance(one) < min(KEPT_M, most_m):
                 return 0.0
@@ -246,9 +252,9 @@ class HallRun:
     def is_blind(self) -> bool:
         return self.now_s - max(0.0, self._views.last_s) > BLIND_S
 
-    def _near(self, place: Place) -> list[Polygon]:
+    def _near(self, place: Place, things: list[Polygon]) -> list[Polygon]:
         here = shapely.Point(place[:2])
-        return [one for one in self.things() if one.dwithin(here, NEAR_M)]
+        return [one for one in things if one.dwithin(here, NEAR_M)]
 
     def _go_on(self, place: Place, is_barred: bool) -> None:
         """A new task where the old one is done, or where nothing goes on."""

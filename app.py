@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from core.config import Config
-from core.driving.control import LOOP_S, Powers
+from core.driving.control import LOOP_S, Powers, stop_reason
 from core.driving.health import doubt, stale_s
 from core.driving.monitor import Monitor, Seen
 from core.driving.pilot import Pilot
@@ -24,10 +24,21 @@ from core.records import Attitude, ExternalPose, PathReport, PoseReport, Scan, W
 from hw.device import Port
 from hw.planner_link.objects import ObjectSource
 from logs import LoopCounts, StateLog
-from wiring import Devices, Ports, devices_on, maybe_image, no_ports, planners_on
+from wiring import (
+    Devices,
+    Ports,
+    devices_on,
+    maybe_cleaner,
+    maybe_image,
+    maybe_perception,
+    no_ports,
+    planners_on,
+)
 
 if TYPE_CHECKING:
-    from perception import FrameWork, Perception
+    from beside import Work
+    from core.objects.seen import Seen as Frame
+    from core.paths.planned import Planned
 
 __all__ = ["App", "Ports", "warm_kernels"]
 
@@ -125,19 +136,22 @@ class App:
         replayed: bool = False,
         version: str = "",
         devices: Devices | None = None,
-        frames: "FrameWork | None" = None,
+        frames: "Work[Frame] | None" = None,
+        plans: "Work[Planned | None] | None" = None,
     ) -> None:
         """What there is for the whole run.
 
         Args:
             devices: others than the settings name, for a replay that has no bytes of them.
             frames: who looks at frames of the depth camera; None: the app itself, at a tick.
+            plans: likewise, who plans paths over the floor.
         """
         self.config, self.ports, self._replayed = config, ports, replayed
         self.devices = devices or devices_on(ports, config)
         self.mapper = Mapper(config)
         self.pilot = Pilot(config, self.mapper)
         self.perception = maybe_perception(config, self.devices, self.mapper, frames)
+        self.cleaner = maybe_cleaner(config, self.mapper, self.perception, plans)
         self.vectors = VectorSources(self.perception.objects if self.perception else None)
         self.monitor = Monitor(config)
         self.planners = planners_on(ports, config, session, key)
@@ -146,6 +160,7 @@ class App:
         self.loop = LoopCounts()
         watched = (self.pilot.control, self.monitor) if config.robot.enable_motors else None
         self.states = StateLog(self.devices, self.mapper, self.planners, watched)
+        self.states.maybe_cleaner = self.cleaner
         self.plan = Plan()
         self._pace = LinkPace(1.0 / config.planner.rate_hz)
         self._times = StepTimes(1.0 / config.loop.rate_hz)
@@ -189,6 +204,7 @@ class App:
         """What all of it comes to now: for the planner, if it is due, the motors and the log."""
         self._times.looked_s = now_s
         window_trusted, told = self.report(now_s)
+        self._clean(now_s, told)
         if is_due:
             self.tell(now_s, told, window_trusted)
             self._pace.told(now_s)
@@ -196,6 +212,16 @@ class App:
         if self._may_move:
             self._drive(now_s, told)
         self.states.step(now_s, self.loop)
+
+    def _clean(self, now_s: float, told: PoseReport) -> None:
+        """Path and place of a machine that cleans floors."""
+        cleaner, perception = self.cleaner, self.perception
+        if cleaner is None or perception is None:
+            return
+        blind = "the depth camera tells nothing" if perception.is_stale(now_s) else ""
+        doubt = stop_reason(told.health, told.mode, self.devices.scanner.doubt or blind)
+        cleaner.step(now_s, doubt, perception.counts["used"], self.pilot.control.maybe_barred)
+        self.vectors.path = cleaner.path
 
     def tell(self, now_s: float, told: PoseReport, trusted: bool) -> None:
         self.pilot.look_around(now_s, told, trusted, self.planners.requests.newest)
@@ -325,17 +351,6 @@ class App:
         )
 
 
-def maybe_perception(
-    config: Config, devices: Devices, mapper: Mapper, frames: "FrameWork | None"
-) -> "Perception | None":
-    """What looks at the depth camera; none where there is none."""
-    if not config.has_camera:
-        return None
-    from perception import AtOnce, Perception  # polygons are for who has such a camera
-
-    return Perception(config, devices.depth, mapper, frames or AtOnce())
-
-
 def warm_kernels(config: Config) -> None:
     """Run every kernel once on made-up records, so that none is compiled while a robot drives."""
     app = App(config, no_ports(config), session=0)
@@ -358,6 +373,8 @@ def warm_kernels(config: Config) -> None:
     app.mapper.maps.warm()
     if app.perception is not None:
         app.perception.warm()
+    if app.cleaner is not None:
+        app.cleaner.warm()
     for now_s in (0.05, 1.0):
         window_trusted, told = app.report(now_s)
         app.tell(now_s, told, window_trusted)

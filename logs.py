@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from core.config import Config
 from core.driving.control import DriveControl
@@ -16,6 +16,9 @@ from hw.device import DeviceStatus
 from hw.planner_link.receivers import Planners
 from hw.runtime.threads import LogWriter
 from wiring import Devices
+
+if TYPE_CHECKING:
+    from cleaner import Cleaner
 
 COUNTS_S = 1.0  # counters to the log this often
 MEASURED_S = 60.0  # and what devices have measured of themselves
@@ -143,8 +146,10 @@ class StateLog:
         """`maybe_driving`: of motors that are enabled."""
         self._devices, self._mapper, self._planners = devices.by_section, mapper, planners
         self._maybe_driving = maybe_driving
+        self.maybe_cleaner: Cleaner | None = None  # who plans paths over the floor
         self.statuses = {name: device.status for name, device in self._devices.items()}
         self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", ""), "monitor": ("", "")}
+        self._states["coverage doubted"] = ("", "")
         self._begun = (-1, 0, planners.session, False)  # see `_tell_restarts`; -1: not known yet
         self._rejected = [0] * len(planners.links)  # answers, as far as told
         self._counted_s = self._measured_s = float("-inf")
@@ -165,6 +170,7 @@ class StateLog:
             LOG.warning("drive_requests_changed", refused_because=requests.last_refusal)
         if self._has_changed("poses", "", poses.last_refusal):
             LOG.warning("external_poses_changed", refused_because=poses.last_refusal)
+        self._tell_cleaner()
         self._tell_restarts()
         if now_s - self._counted_s >= COUNTS_S:
             self._counted_s = now_s
@@ -174,6 +180,21 @@ class StateLog:
             for name, source in self._devices.items():
                 if source.status.state == "running" and (measured := source.measured()):
                     LOG.info("device_measured", device=name, **measured)
+
+    def _tell_cleaner(self) -> None:
+        """What a floor cleaner is about now, and why it plans nothing."""
+        cleaner = self.maybe_cleaner
+        if cleaner is None:
+            return
+        if self._has_changed("coverage", cleaner.goal, cleaner.why):
+            seen_m2, clean_m2 = round(cleaner.seen_m2, 2), round(cleaner.clean_m2, 2)
+            tell = LOG.warning if cleaner.goal == "stuck" else LOG.info
+            tell(
+                "coverage_changed", goal=cleaner.goal, because=cleaner.why, seen_m2=seen_m2,
+                clean_m2=clean_m2,
+            )  # fmt: skip
+        if self._has_changed("coverage doubted", "", cleaner.doubt):
+            LOG.info("coverage_doubted", because=cleaner.doubt)
 
     def _tell_restarts(self) -> None:
         """That the map or the session began anew, and why."""

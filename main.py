@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from app import App, Ports, warm_kernels
 from config_file import load_config, read_key, read_settings, with_changes
@@ -33,7 +33,7 @@ from version import version
 from wiring import modbus_servers, open_ports
 
 if TYPE_CHECKING:
-    from perception import Beside
+    from beside import Beside
 
 UNATTENDED = "nobody watches this start: robot.start_clear_m counts as 0; goes without --load-map"
 RECORD = "record the run: a file that ends with .mcap, or a folder that ends with / ([record] path)"
@@ -112,11 +112,11 @@ def settle(app: App, wake_up: WakeUp, notifier: Notifier) -> None:
         LOG.warning("devices_not_settled", waited_s=SETTLE_S)
 
 
-def maybe_beside(config: Config) -> "Beside | None":
-    """The thread that looks at frames of a depth camera; none where there is none."""
-    if not config.has_camera:
+def maybe_beside(is_needed: bool) -> "Beside[Any] | None":
+    """A thread for work beside the loop; none where there is none to do."""
+    if not is_needed:
         return None
-    from perception import Beside  # polygons are for who has such a camera
+    from beside import Beside  # for who has a depth camera
 
     return Beside()
 
@@ -139,7 +139,7 @@ def serve(
     warm_kernels(config)
     app = App(
         config, ports, session=secrets.randbits(32), key=key, version=version(),
-        frames=maybe_beside(config),
+        frames=maybe_beside(config.has_camera), plans=maybe_beside(config.has_camera),
     )  # fmt: skip
     stepped = recorder.begin(app, key is not None, loaded) if recorder else app
     if loaded is not None:

@@ -7,15 +7,14 @@ Source: design, section 10.
 """
 
 import math
-import sys
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
-from concurrent.futures import Future
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from msgspec.structs import replace
 
+from beside import Work
 from core.config import Config
 from core.geometry import R_from_rpy
 from core.mapping.combined import FRAME_RAYS, camera_stale_s
@@ -24,79 +23,11 @@ from core.objects.seen import Seen
 from core.objects.told import ToldObjects
 from core.records import F64, DepthCamera, DepthImage, PointSweep
 from hw.registry import DepthSensor
-from hw.runtime.threads import Worker
+
+if TYPE_CHECKING:
+    from core.objects.look import FrameLook  # polygons: not for a replay
 
 WAIT_S = 0.3  # for the attitude and the place of a frame: then it is given up
-SWITCH_S = 5e-4  # so long the loop waits, at most, for the thread's Python to let it go on
-STACK_BYTES = 16 << 20  # of the thread: GEOS goes deep
-
-
-class FrameWork(Protocol):
-    """Who looks at frames, one at a time."""
-
-    @property
-    def is_idle(self) -> bool:
-        """Whether it may be given a frame."""
-
-    def give(self, look: Callable[[], Seen]) -> None:
-        """Have it done. Where frames are replayed, nobody does it."""
-
-    def maybe_take(self) -> Seen | None:
-        """What a frame told, once; None: it is not done yet."""
-
-
-class AtOnce:
-    """Done as it is given, and there at the next tick: where time is simulated."""
-
-    def __init__(self) -> None:
-        self._maybe_seen: Seen | None = None
-
-    @property
-    def is_idle(self) -> bool:
-        return self._maybe_seen is None
-
-    def give(self, look: Callable[[], Seen]) -> None:
-        self._maybe_seen = look()
-
-    def maybe_take(self) -> Seen | None:
-        seen, self._maybe_seen = self._maybe_seen, None
-        return seen
-
-
-class Beside:
-    """Done by a thread, while the loop goes on."""
-
-    def __init__(self) -> None:
-        self._worker = Worker(STACK_BYTES)
-        self._maybe_future: Future[Seen] | None = None
-        sys.setswitchinterval(SWITCH_S)
-
-    @property
-    def is_idle(self) -> bool:
-        return self._maybe_future is None
-
-    def give(self, look: Callable[[], Seen]) -> None:
-        self._maybe_future = self._worker.submit(look)
-
-    def maybe_take(self) -> Seen | None:
-        if self._maybe_future is None or not self._maybe_future.done():
-            return None
-        seen, self._maybe_future = self._maybe_future.result(), None
-        return seen
-
-
-class Replayed:
-    """What frames told, from a recording, at the same ticks."""
-
-    is_idle = False
-
-    def __init__(self) -> None:
-        self.waiting = deque[Seen]()
-
-    def give(self, look: Callable[[], Seen]) -> None: ...
-
-    def maybe_take(self) -> Seen | None:
-        return self.waiting.popleft() if self.waiting else None
 
 
 class Perception:
@@ -109,11 +40,12 @@ class Perception:
         objects: those that planners are told of.
         seen_s: host time of the newest frame that told something; -inf: none.
         note: is told of each message that enters; None: nobody is.
+        look: who looks at frames; None: nobody, for they are replayed.
         counts: frames by what became of them, in words.
     """
 
     def __init__(
-        self, config: Config, device: DepthSensor | None, mapper: Mapper, work: FrameWork
+        self, config: Config, device: DepthSensor | None, mapper: Mapper, work: Work[Seen]
     ) -> None:
         depth, objects, object_map = config.depth, config.objects, config.object_map
         assert depth is not None
@@ -125,12 +57,12 @@ class Perception:
         self._device, self._mapper, self._work = device, mapper, work
         self._stale_s = camera_stale_s(config)
         bars_m = config.obstacle.h_pos_m, config.robot.height_m
-        self._maybe_look = None
+        self.look: FrameLook | None = None
         if device is not None:
-            from core.objects.look import FrameLook, Ground  # polygons: not for a replay
+            from core.objects import look
 
-            ground = Ground(config.map.cell_m, bars_m, FRAME_RAYS)
-            self._maybe_look = FrameLook(objects, object_map, ground)
+            ground = look.Ground(config.map.cell_m, bars_m, FRAME_RAYS)
+            self.look = look.FrameLook(objects, object_map, ground)
         angles = depth.mount_roll_deg, depth.mount_tilt_deg, depth.mount_yaw_deg
         self._R_body_sensor = R_from_rpy(*map(math.radians, angles))
         self._t_body_sensor = np.array([depth.mount_x_m, depth.mount_y_m, depth.mount_z_m])
@@ -154,7 +86,7 @@ class Perception:
         if (seen := self._work.maybe_take()) is not None:
             if self.note is not None:
                 self.note(replace(seen, epoch=seen.epoch - self._epoch))
-            entered = self._enter(seen, self._epoch if self._maybe_look is not None else 0)
+            entered = self._enter(seen, self._epoch if self.look is not None else 0)
         if self._maybe_waiting is not None:
             self._give(now_s, self._maybe_waiting)
         return entered
@@ -171,7 +103,7 @@ class Perception:
                 self._maybe_waiting = None
                 self.counts["without a place"] += 1
             return
-        look = self._maybe_look
+        look = self.look
         if self._work.is_idle and look is not None:
             self._maybe_waiting = None
             T, epoch = self._T_map_sensor(at_s), self._epoch
@@ -211,12 +143,12 @@ class Perception:
 
     def warm(self) -> None:
         """Run every kernel once, so that none is compiled while a robot drives."""
-        if self._maybe_look is None:
+        if self.look is None:
             return
-        self._maybe_look.warm()
+        self.look.warm()
         T = np.eye(4)
         T[:3, :3], T[2, 3] = R_from_rpy(0.0, 0.5, 0.0), 0.5
-        self._enter(self._maybe_look.look(made_up_image(0.03), T, self._epoch), self._epoch)
+        self._enter(self.look.look(made_up_image(0.03), T, self._epoch), self._epoch)
 
 
 def made_up_image(t_s: float) -> DepthImage:

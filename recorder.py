@@ -27,6 +27,7 @@ from recording.records import (
     ASKED,
     FLIGHT,
     FORM,
+    PLANNED,
     READABLE,
     RESTORED,
     SEEN,
@@ -83,6 +84,12 @@ class RecordedApp:
             from recording.frames import bytes_from_seen  # for who has a depth camera
 
             app.perception.note = lambda seen: tap.note(tap.clock(), SEEN, 0, bytes_from_seen(seen))
+        if app.cleaner is not None:
+            from recording.plans import bytes_from_planned  # for who plans over the floor
+
+            app.cleaner.note = lambda planned: tap.note(
+                tap.clock(), PLANNED, 0, bytes_from_planned(planned)
+            )
         if app.image is not None and app.image.drive is not None:
             self._ask, app.image.drive.ask = app.image.drive.ask, self._asked
 

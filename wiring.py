@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from core.config import Config, ConfigError
 from core.driving.control import link_refusal
+from core.mapping.mapper import Mapper
 from hw.device import NoPort, Port
 from hw.planner_link.receivers import Planners
 from hw.planner_link.sender import LinkSettings, Wire
@@ -30,7 +31,12 @@ from hw.registry import (
 from hw.runtime.wakeup import Beside, Nothing
 
 if TYPE_CHECKING:
+    from beside import Work
+    from cleaner import Cleaner
+    from core.objects.seen import Seen
+    from core.paths.planned import Planned
     from hw.modbus.image import RegisterImage
+    from perception import Perception
 
 
 NO_POLYGONS = (
@@ -237,6 +243,39 @@ def planners_on(ports: Ports, config: Config, session: int, key: bytes | None) -
         ),
         session,
     )
+
+
+def maybe_perception(
+    config: Config, devices: Devices, mapper: Mapper, frames: "Work[Seen] | None"
+) -> "Perception | None":
+    """What looks at the depth camera; none where there is none."""
+    if not config.has_camera:
+        return None
+    from beside import AtOnce
+    from perception import Perception  # polygons are for who has such a camera
+
+    return Perception(config, devices.depth, mapper, frames or AtOnce())
+
+
+def maybe_cleaner(
+    config: Config,
+    mapper: Mapper,
+    perception: "Perception | None",
+    plans: "Work[Planned | None] | None",
+) -> "Cleaner | None":
+    """What plans paths over the floor; none where nobody asks for them."""
+    if config.coverage is None or not config.coverage.plan or perception is None:
+        return None
+    from beside import AtOnce
+    from cleaner import Cleaner
+
+    live = None
+    if perception.look is not None:
+        from core.paths.live import LiveCleaning  # polygons: not for a replay
+
+        live = LiveCleaning(config.coverage, config.robot.start_clear_m)
+        perception.look.tell = live.see
+    return Cleaner(config.coverage, mapper, live, plans or AtOnce())
 
 
 def maybe_image(

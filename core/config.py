@@ -16,6 +16,7 @@ import msgspec
 from msgspec import Meta, Struct
 
 from core.allowed import LONGEST_SHOWN, allowed, shown
+from core.coverage_settings import CoverageSettings, fault_of
 from core.map_settings import Certainty, Ground, Map, Obstacle, ShadowFilter
 from core.object_settings import FrameSettings, ObjectMapSettings
 from core.records import ScannerSpec
@@ -127,6 +128,7 @@ class Config(Struct, frozen=True, forbid_unknown_fields=True):
     depth: Depth | None = None  # None: not in the file, so there is no camera
     objects: FrameSettings | None = None  # None: not in the file, and there is no camera
     object_map: ObjectMapSettings | None = None  # likewise
+    coverage: CoverageSettings | None = None  # None: not in the file, and nothing is planned
 
     @property
     def has_camera(self) -> bool:
@@ -245,8 +247,9 @@ def _sections(table: dict[str, Any]) -> dict[str, Any]:
     """Those that a file has or must have; of a method's own sections, if it names that method."""
     own = {"certainty": Certainty, "shadow_filter": ShadowFilter}
     of_camera = {"objects": FrameSettings, "object_map": ObjectMapSettings}
-    sections = {**_fields(Config), **own, "depth": Depth, **of_camera}
-    left_out = {"depth"}
+    optional = {"depth": Depth, "coverage": CoverageSettings}
+    sections = {**_fields(Config), **own, **optional, **of_camera}
+    left_out = set(optional)
     if _given(table, "map", "method") != "certainty":
         left_out |= own.keys()
     if _given(table, "depth", "driver") in (None, NO_CAMERA):
@@ -352,6 +355,8 @@ def _check_paths(config: Config) -> None:
 def _check_together(config: Config) -> None:
     """What only two keys together can break."""
     _check_motion(config)
+    if fault := fault_of(config.coverage, config.robot, config.has_camera):
+        raise ConfigError(f"coverage.{fault}")
     if config.depth is not None and (config.depth.driver == NO_CAMERA) != (not config.depth.port):
         allowed = '""' if config.depth.port else "a text that is not empty"
         driver, port = config.depth.driver, config.depth.port

@@ -217,6 +217,15 @@ class ObjectChanges(Struct, frozen=True, eq=False):
     gone: tuple[int, ...]  # ids
 
 
+class FloorView(Struct, frozen=True, eq=False):
+    """What one frame of a depth camera tells who plans on the floor; map frame, metres."""
+
+    view_m: F64  # (n, 2) outline of the floor that was seen; nothing is said of what lies outside
+    passing: tuple[F64, ...]  # outlines (k, 2) of what no map holds yet, or moves
+    standing: tuple[F64, ...] | None  # of all objects of the map; None: they are as before,
+    walls_m: F64  # (m, 4) and so are its walls: x1, y1, x2, y2
+
+
 class PathSegment(Struct, frozen=True, eq=False):
     """A part of a path that is driven for one purpose."""
 

@@ -34,6 +34,7 @@ def describe_robot(config: Config, line_bauds: list[int | None]) -> str:
         *(f"          {line}" for line in _describe_ground(config)),
         f"ahrs      {config.ahrs.driver} at {config.ahrs.port}: {config.ahrs.options.describe()}",
         *_describe_depth(config),
+        *_describe_coverage(config),
         *_describe_motion(config),
         "motors    " + "\n          ".join(_describe_motors(config)),
         f"map       method {config.map.method}, {cells} x {cells} cells of "
@@ -56,6 +57,17 @@ def _describe_depth(config: Config) -> list[str]:
     return [
         f"depth     {depth.driver} at {depth.port}: {depth.options.describe()}",
         f"          {depth.mount_z_m:g} m above the ground, looking {tilt:g} deg {down}",
+    ]
+
+
+def _describe_coverage(config: Config) -> list[str]:
+    """For which machine paths are planned; nothing where nobody plans."""
+    coverage = config.coverage
+    if coverage is None or not coverage.plan:
+        return []
+    return [
+        f"coverage  sweeps a band of {coverage.width_m:g} m; the machine counts as a disc of "
+        f"{coverage.radius_m:g} m, {coverage.clearance_m + coverage.guard_m:g} m from what stands"
     ]
 
 

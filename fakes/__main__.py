@@ -19,9 +19,11 @@ from fakes.programs.serving import Stop, add_options, say, serve
 if TYPE_CHECKING:
     from fakes.programs.positioning import PositioningOnUdp
     from fakes.scenes.scene import Scene
+    from fakes.visionary.device import FakeVisionary
     from fakes.world.rig import Rig
 
 DEVICES = ("scanner", "ahrs", "drive")
+BY_FOUR = b"\x02"  # its binning: 4 x 4 pixels are one
 
 
 def arguments() -> argparse.Namespace:
@@ -52,6 +54,13 @@ def arguments() -> argparse.Namespace:
         type=float,
         metavar=("RADIUS_M", "TRACK_M"),
         help="of the drive wheels, by which the robot is known; other than ragno's: the usual one",
+    )
+    parser.add_argument(
+        "--camera",
+        nargs=4,
+        type=float,
+        metavar=("X_M", "Y_M", "Z_M", "TILT_DEG"),
+        help="a Visionary-T Mini of 128 x 106 pixels sits there and looks down: two more ports",
     )
     parser.add_argument("--ahrs-link", default="", help="symbolic link to make to its terminal")
     parser.add_argument("--drive-link", default="", help="symbolic link to make to its terminal")
@@ -145,7 +154,21 @@ def serve_rig(given: argparse.Namespace, stop: Stop) -> None:
             for one in steps:
                 one(now_s)
 
-        serve_on_wires(given, stop, fakes, seen, watchers, step)
+        camera = camera_of(given, rig) if given.camera else None
+        serve_on_wires(given, stop, fakes, seen, watchers, step, camera)
+
+
+def camera_of(given: argparse.Namespace, rig: "Rig") -> "FakeVisionary":
+    """The depth camera of the options, in that world; ValueError: it can't be so."""
+    from fakes.visionary.device import FakeVisionary
+    from fakes.world.robot import mount_from
+
+    mount = mount_from("--camera", *given.camera)
+    camera = FakeVisionary("t_mini", rig.world.met, given.seed + len(DEVICES))
+    camera.mount_m, camera.tilt_deg = mount[:3], mount.tilt_deg
+    camera.memory.written["binningOption"] = BY_FOUR
+    camera.warm()
+    return camera
 
 
 def serve_on_wires(
@@ -155,8 +178,12 @@ def serve_on_wires(
     seen: dict[str, Any],
     watchers: "dict[str, PositioningOnUdp]",
     step: Callable[[float], None],
+    camera: "FakeVisionary | None",
 ) -> None:
-    """A wire for each fake that is not left out; `seen` is what stands behind it."""
+    """A wire for each fake that is not left out, and two for a camera.
+
+    `seen` is what stands behind a wire.
+    """
     from fakes.programs.program import url_of
     from fakes.wires.wire import PtyWire, TcpWire
 
@@ -178,6 +205,14 @@ def serve_on_wires(
             for name in DEVICES
         }
         ports |= {name: watcher.url for name, watcher in watchers.items()}
+        if camera is not None:
+            wires["depth"] = control = TcpWire(camera.control, seed=given.seed)
+            open_wires.enter_context(closing(control))
+            wires["stream"] = stream = TcpWire(camera.stream, seed=given.seed)
+            open_wires.enter_context(closing(stream))
+            camera.memory.written["BlobTcpPortAPI"] = stream.port.to_bytes(2, "big")
+            ports["depth"] = f"tcp://{control.host}:{control.port}"
+            fakes["depth"] = fakes["stream"] = camera
         targets: dict[str, tuple[Any, ...]] = {
             name: (fakes[name], wire) for name, wire in wires.items()
         }

@@ -28,9 +28,10 @@ STEP, TURN, STOP = b"S", b"T", b"X"  # calls of the app; TURN with READABLE
 ASK = b"A"  # a drive request that came by no planner link: ASKED, and who asks as text
 RESTORED = b"R"  # the map of `load_map` was taken over, at exactly this instant
 SEEN = b"Q"  # what a frame of the depth camera told entered in this call (recording.frames)
+PLANNED = b"G"  # a plan of paths over the floor entered in this call (recording.plans)
 GAP = b"D"  # what follows is not all: JSON of how many records of each kind are missing by now
 OF_PORTS = frozenset((OPENED, LOST, IN, OUT, CHANGED, READ_ENDED))
-OF_CALLS = frozenset((STEP, TURN, STOP, ASK, RESTORED, SEEN, GAP))
+OF_CALLS = frozenset((STEP, TURN, STOP, ASK, RESTORED, SEEN, PLANNED, GAP))
 OF_WIRES = OF_PORTS | OF_CALLS  # without any one of them a replay is another run
 
 STATE, SCAN, HEIGHTS = b"M", b"P", b"U"  # of the app now and then (recording.packing)

@@ -9,8 +9,8 @@ from functools import cache
 
 from tests import ROOT
 
-TOP = {"app", "config_file", "logs", "main", "map_files", "perception", "recorder"}
-TOP |= {"version", "wiring"}
+TOP = {"app", "beside", "cleaner", "config_file", "logs", "main", "map_files", "perception"}
+TOP |= {"recorder", "version", "wiring"}
 OWN = TOP | {
     "core",
     "jit",

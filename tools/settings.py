@@ -22,6 +22,14 @@ def lens_of(config: Config) -> tuple[float, float, float, float]:
     return scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m, scanner.mount_tilt_deg
 
 
+def camera_of(config: Config) -> tuple[float, float, float, float] | None:
+    """The same of the depth camera; None: there is none."""
+    depth = config.depth
+    if depth is None or not config.has_camera:
+        return None
+    return depth.mount_x_m, depth.mount_y_m, depth.mount_z_m, depth.mount_tilt_deg
+
+
 def wheels_of(config: Config) -> tuple[float, float]:
     """Radius of the drive wheels, and between their contacts (m): by them fakes know the robot."""
     return config.robot.wheel_radius_m, config.robot.track_width_m

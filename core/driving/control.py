@@ -26,6 +26,7 @@ from core.motion.track import Pose
 from core.records import OBSTACLE, DriveRequest
 
 Powers = tuple[float, float]  # left and right wheel, -1..1 of full
+Barred = tuple[float, float, float]  # x, y and edge of a cell that is in the way; map frame, m
 
 NOT_ENABLED = "the motors are not enabled ([robot] enable_motors)"
 SILENT = "the commander has fallen silent"
@@ -115,12 +116,13 @@ class DriveControl:
         self.clear: tuple[Place, Place] = (*START_M, radii_m[0]), (*START_M, radii_m[1])
         self.v_mps = self.w_radps = 0.0  # commanded now
         self.blocked_by = ""  # why it stands although somebody wants it to move, in words
+        self.maybe_barred: Barred | None = None  # the cell that it stands before, if one it is
         self._last_s = -math.inf
         self._let_go_for = ""  # what made the motors unwilling while somebody wanted them to turn
 
     def halt(self, reason: str) -> Powers:
         self.v_mps = self.w_radps = 0.0
-        self.blocked_by = reason
+        self.blocked_by, self.maybe_barred = reason, None
         return 0.0, 0.0
 
     def step(
@@ -165,11 +167,16 @@ class DriveControl:
         found = self.look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), assumed_clear)
         allowed_mps = self.zone.allowed_mps(found.free_m)
         if rate_mps >= STANDING_MPS and allowed_mps <= (SET_OUT_MPS if stands else 0.0):
-            return self.halt(self.describe(found))
+            return self._stand_before(found)
         share = min(1.0, allowed_mps / rate_mps) if rate_mps >= STANDING_MPS else 1.0
         self.v_mps, self.w_radps = share * motion[0], share * motion[1]
-        self.blocked_by = ""
+        self.blocked_by, self.maybe_barred = "", None
         return self._powers()
+
+    def _stand_before(self, found: Obstruction) -> Powers:
+        powers, cell_m = self.halt(self.describe(found)), self._maps.window.grid.cell_m
+        self.maybe_barred = (found.i + 0.5) * cell_m, (found.j + 0.5) * cell_m, cell_m
+        return powers
 
     def drop_ahead(
         self,

@@ -124,7 +124,7 @@ class CombinedMaps:
     """
 
     def __init__(self, config: Config, scanned: Maps) -> None:
-        self.scanned, self.camera = scanned, SurfaceMaps(as_scanner(config))
+        self.scanned, self.camera = scanned, SurfaceMaps(as_scanner(config), are_pictures=True)
         self.window = ObstacleWindow(config.obstacle.window_cells, config.map.cell_m)
         self.fresh = scanned.fresh
         self._mask: I8 = np.zeros(self.window.cells.size, np.int8)

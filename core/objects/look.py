@@ -6,6 +6,7 @@ Source: design, section 10; docs/objects.md, docs/object-map.md.
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from msgspec import Struct
@@ -13,11 +14,11 @@ from msgspec import Struct
 from core.object_settings import FrameSettings, ObjectMapSettings
 from core.objects.evidence import evidence_of
 from core.objects.frame.steps import CameraPose, FrameSteps
-from core.objects.records import Floats
+from core.objects.records import Floats, FrameObjects
 from core.objects.seen import Seen
 from core.objects.vector_map.mapped import MapObject, box_of
 from core.objects.vector_map.newcomers import Obstacle
-from core.objects.vector_map.object_map import ObjectMap
+from core.objects.vector_map.object_map import MapUpdate, ObjectMap
 from core.objects.vector_map.warm import warm_object_map
 from core.records import (
     F64,
@@ -26,6 +27,7 @@ from core.records import (
     OBJECT_MOVING,
     OBJECT_STATIC,
     DepthImage,
+    FloorView,
     ObjectReport,
 )
 
@@ -54,6 +56,7 @@ class FrameLook:
         self._epoch, self._before_s = 0, -math.inf
         self._first = (0, 0)  # so many ids of objects and of obstacles earlier maps have used
         self._highest = [0, 0]
+        self.tell: Callable[[FloorView], None] | None = None  # who plans on the floor; None: nobody
         self._begin()
 
     def _begin(self) -> None:
@@ -90,8 +93,10 @@ class FrameLook:
         places = (found.standing_m + np.array(image.camera.offset_m)) @ R.T + t
         cells = np.floor(places[:, :2] / self._ground.cell_m).astype(np.int64)
         standing = np.unique(cells, axis=0) if len(cells) else NO_CELLS
-        obstacles = self._objects.update(result.objects).obstacles
-        changed, gone = self._changes(obstacles)
+        update = self._objects.update(result.objects)
+        if self.tell is not None:
+            self.tell(self._floor_view(result.objects, update))
+        changed, gone = self._changes(update.obstacles)
         rays = found.directions, found.ranges_m
         return Seen(image.t_s, epoch, "", image.camera.offset_m, *rays, standing, changed, gone)
 
@@ -99,6 +104,15 @@ class FrameLook:
         """(n, 4) m, those of the map."""
         known = [wall.segments for wall in self._objects.walls.records()]
         return np.vstack(known) if known else np.zeros((0, 4))
+
+    def _floor_view(self, frame: FrameObjects, update: MapUpdate) -> FloorView:
+        """Before the changes of the map are told: what is standing is told with each of them."""
+        view = update.correction.frame(frame).view
+        passing = tuple(one.polygon for one in update.obstacles)
+        if update.version == self._version:
+            return FloorView(view, passing, None, np.zeros((0, 4)))
+        standing = tuple(one.polygon for one in self._objects.objects())
+        return FloorView(view, passing, standing, self._walls())
 
     def _changes(
         self, obstacles: tuple[Obstacle, ...]

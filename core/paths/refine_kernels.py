@@ -12,7 +12,7 @@ import numpy.typing as npt
 from core.paths.raster_kernels import I32, Bools, count_edge
 from core.paths.sight_kernels import WallEdges, meets_wall
 from core.records import F64
-from jit import kernel
+from jit import kernel, releasing_kernel
 
 I64 = npt.NDArray[np.int64]
 LEAST_M = 1e-3
@@ -47,7 +47,7 @@ def clear(walls: WallEdges, path: F64, i: int, j: int) -> bool:
     return not meets_wall(walls, path[i, 0], path[i, 1], path[j, 0], path[j, 1])
 
 
-@kernel
+@releasing_kernel
 def shorten(
     count: I32, target: Bools, grid: F64, walls: WallEdges, path: F64, n: int, price: float
 ) -> int:
@@ -82,7 +82,7 @@ def shorten(
     return n
 
 
-@kernel
+@releasing_kernel
 def shift(
     count: I32, target: Bools, grid: F64, walls: WallEdges, path: F64, n: int, price: float
 ) -> None:
@@ -122,7 +122,7 @@ def turn_round(path: F64, i: int, j: int) -> None:
         i, j = i + 1, j - 1
 
 
-@kernel
+@releasing_kernel
 def uncross(
     count: I32, target: Bools, grid: F64, walls: WallEdges, path: F64, n: int, price: float
 ) -> None:
@@ -157,7 +157,7 @@ def uncross(
             j += 1
 
 
-@kernel
+@releasing_kernel
 def cheapest_detour(walls: WallEdges, path: F64, n: int, stops: F64, best: F64) -> None:
     """Where a path may leave for a row of stops (m, 2) and come back, for the fewest metres.
 
@@ -226,7 +226,7 @@ def move(path: F64, i: int, j: int, k: int, flip: int) -> None:
         turn_round(path, k + 1, j)
 
 
-@kernel
+@releasing_kernel
 def relocate(
     count: I32,
     target: Bools,

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from core.records import F64
-from jit import kernel
+from jit import kernel, releasing_kernel
 
 Bools = npt.NDArray[np.bool_]
 
@@ -54,14 +54,14 @@ def meets_wall(walls: WallEdges, ax: float, ay: float, bx: float, by: float) -> 
     return False
 
 
-@kernel
+@releasing_kernel
 def lines_of_sight(walls: WallEdges, lines: F64, seen: Bools) -> None:
     """Of each line, (m, 4), whether it meets no wall, into seen (m,)."""
     for k in range(len(lines)):
         seen[k] = not meets_wall(walls, lines[k, 0], lines[k, 1], lines[k, 2], lines[k, 3])
 
 
-@kernel
+@releasing_kernel
 def through_all(lengths: F64) -> None:
     """(n, n) lengths of edges to shortest lengths, in place. Source: Floyd, Algorithm 97, 1962."""
     n = len(lengths)

@@ -69,7 +69,13 @@ class PathFollower:
         return np.vstack([[place[:2]], self._points[self._edge + 1 :]])
 
     def power(self, place: tuple[float, float, float], may_mps: float) -> tuple[int, int]:
-        """Power of the left motor and the right one, -127..127, for the next period.
+        """Power of the left motor and the right one, -127..127, for the next period."""
+        v_mps, w_radps = self.motion(place, may_mps)
+        rim_mps = w_radps * TRACK_WIDTH_M / 2
+        return _power(v_mps - rim_mps), _power(v_mps + rim_mps)
+
+    def motion(self, place: tuple[float, float, float], may_mps: float) -> tuple[float, float]:
+        """Ahead, m/s, and turning, rad/s, for the next period.
 
         Args:
             place: x, y, yaw.
@@ -83,8 +89,7 @@ class PathFollower:
         if may_mps <= 0.0 or (self._turning and v <= 0.0):
             self._v_mps = 0.0
         self._w_radps = _towards(self._w_radps, w, limits.turn_accel_radps2 * PERIOD_S)
-        rim_mps = self._w_radps * TRACK_WIDTH_M / 2
-        return _power(self._v_mps - rim_mps), _power(self._v_mps + rim_mps)
+        return self._v_mps, self._w_radps
 
     def _wanted(self, place: tuple[float, float, float]) -> tuple[float, float]:
         x, y, yaw = place

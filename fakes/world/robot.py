@@ -74,6 +74,21 @@ SMALL = Body(  # as robots/ragno.toml has it: 0.5 m long, 0.4 m wide, 0.6 m high
     mast_half_m=0.19,
     ahrs_m=(0.0, 0.0, 0.15),
 )
+CLEANER = Body(  # as robots/cleaner.toml has it: 0.36 m long, and 0.6 m wide, as its tool is
+    wheel_radius_m=0.08,
+    track_width_m=0.44,
+    caster_x_m=0.14,
+    caster_y_m=0.10,
+    caster_radius_m=0.04,
+    mass_kg=28.0,
+    mass_at_m=(0.05, 0.0, 0.16),
+    inertia_kgm2=(0.9, 0.6, 1.0),
+    chassis_at_m=(0.0, 0.0, 0.17),
+    chassis_half_m=(0.18, 0.19, 0.09),
+    mast_at_m=(0.0, 0.0, 0.62),
+    mast_half_m=0.36,
+    ahrs_m=(0.0, 0.0, 0.20),
+)
 WHEEL_RADIUS_M, TRACK_WIDTH_M = BODY.wheel_radius_m, BODY.track_width_m
 CASTER_BODY_M = (BODY.caster_x_m, BODY.caster_y_m, BODY.caster_radius_m)  # the left one
 CASTER_RADIUS_M, AHRS_BODY_M = BODY.caster_radius_m, BODY.ahrs_m
@@ -82,7 +97,7 @@ SAME_M = 1e-6
 
 def body_with(wheel_radius_m: float, track_width_m: float) -> Body:
     """The robot that has these wheels; the usual one, if none has."""
-    for body in (BODY, SMALL):
+    for body in (BODY, SMALL, CLEANER):
         wheels_m = body.wheel_radius_m - wheel_radius_m, body.track_width_m - track_width_m
         if max(map(abs, wheels_m)) < SAME_M:
             return body

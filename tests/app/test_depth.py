@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from beside import Beside
 from config_file import text_from
 from core.driving.health import SIGHT_IMPAIRED
 from core.mapping.combined import CombinedMaps
@@ -16,7 +17,6 @@ from core.objects.told import ToldObjects
 from core.records import FREE, OBJECT_STATIC, OBSTACLE, UNKNOWN, ObjectReport
 from core.summary import describe_robot
 from fakes.scenes.scene import Solid
-from perception import Beside
 from recording.reader import Recording
 from recording.records import SEEN
 from tests import ROOT
@@ -161,7 +161,7 @@ def test_objects_are_told_by_version_and_forgotten_with_the_map() -> None:
 
 
 def test_a_frame_that_is_looked_at_beside_the_loop_is_there_once_when_it_is_done() -> None:
-    work, may_end = Beside(), threading.Event()
+    work, may_end = Beside[Seen](), threading.Event()
     nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.float32), np.zeros((0, 2), np.int64)
     told = Seen(1.0, 0, "", (0.0, 0.0, 0.0), *nothing, (), ())
 

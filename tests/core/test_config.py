@@ -103,6 +103,18 @@ def test_what_a_depth_camera_sees_is_set_where_there_is_one() -> None:
     assert told == "depth.port: must be a text that is not empty with driver 'visionary', is ''"
 
 
+def test_paths_are_planned_for_who_has_a_camera_and_for_a_disc_that_holds_the_machine() -> None:
+    text = (ROOT / "robots" / "cleaner.toml").read_text(encoding="utf-8")
+    narrow = text.replace("radius_m = 0.35 ", "radius_m = 0.34 ")
+    assert error_of(narrow).startswith(
+        "coverage.radius_m: must be at least 0.3499, to the farthest"
+    )
+    blind = {section: keys for section, keys in TABLE.items() if section != "coverage"}
+    assert load_config(toml_from(blind)).coverage is None
+    told = error_of(with_value("coverage", "plan", True))
+    assert told.startswith("coverage.plan: must be false without a depth camera")
+
+
 @pytest.mark.parametrize(
     ("section", "key", "value", "told"),
     [
@@ -132,6 +144,8 @@ def test_what_a_depth_camera_sees_is_set_where_there_is_one() -> None:
         ("depth", "port", "tcp://a:1", "must be \"\" with driver 'none', is 'tcp://a:1'"),
         ("objects", "voxel_m", 0.0, "from 0.005 to 0.2, is 0.0"),
         ("object_map", "confirm_frames", 1, "from 2 to 100, is 1"),
+        ("coverage", "overlap_m", 0.5, "at most 0.8 of width_m = 0.6, is 0.5"),
+        ("coverage", "tries", 0, "from 1 to 1000, is 0"),
         ("certainty", "free_from", 51, "at most certainty.most = 50, is 51"),
         ("obstacle", "soft_free_below_m", 0.3, "two echoes of a beam"),
         ("obstacle", "h_neg_m", 0.1, "is 0.1"),

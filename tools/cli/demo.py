@@ -2,8 +2,9 @@
 
 World and fakes are one process, the app is another; they speak over TCP and ptys, and the app's
 obstacle map comes back over UDP. With --drive the keyboard drives the robot, through app and
-controller. The live page of `mapod view` is at the address that the first line tells, as a second
-receiver. Ctrl-C, or the end of --seconds, ends all of them.
+controller; `--robot cleaner` maps a small store with its depth camera and sweeps it, driven by a
+planner that follows the app's path. The live page of `mapod view` is at the address that the first
+line tells, as a second receiver. Ctrl-C, or the end of --seconds, ends all of them.
 """
 
 import argparse
@@ -13,7 +14,7 @@ import importlib.util
 import math
 import socket
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -30,7 +31,7 @@ from tools.cli.options import (
     parser_of,
 )
 from tools.cli.view import NO_PAGE, PAGE_AT, print_summary, watch_and_drive
-from tools.settings import NotThereError, lens_of, rewritten, wheels_of
+from tools.settings import NotThereError, camera_of, lens_of, rewritten, wheels_of
 from tools.terminal.planner_end import PlannerEnd, PtyWire, WatchingReceiver
 from tools.terminal.processes import (
     APP,
@@ -48,8 +49,9 @@ SECONDS_WITHOUT_SCREEN = 20.0
 SERIAL_BAUD = 115_200
 DRIVEN = {"robot.enable_motors": True, "robot.start_clear_m": 9.0}  # the corridor begins clear
 DRIVEN_MPS, DRIVEN_RADPS = 0.5, 0.6
+CLEANED_CLEAR_M = 1.2  # around the dock of a machine that cleans
 USUAL_SCENE = "corridor"
-SCENES = {"messor": "stones"}  # of robots that are not at home in the usual one
+SCENES = {"cleaner": "store", "messor": "stones"}  # of robots that are not at home in the usual one
 DRIVEN_WORLD = ("--no-driver", "--drive-mode", "rs232_watchdog")
 
 
@@ -67,9 +69,13 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
         ):
             robot, end = SimulatedRobot(folder), PlannerEnd(wire, WatchingReceiver())
             values: dict[str, object] = dict(DRIVEN) if options.drive else {}
+            if options.cleans:
+                values |= {"robot.enable_motors": True, "robot.start_clear_m": CLEANED_CLEAR_M}
+            drives = path_driving(end, options.cleans and not options.drive)
             settings = rewritten(Path(options.config).read_text(), values)
 
             def done(now_s: float) -> bool:
+                drives(now_s)
                 if stop.wanted:
                     return True
                 return robot.has_map(now_s, end.planner) and now_s >= robot.mapped_s + seconds
@@ -92,6 +98,15 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
         return fail("demo", error, 1)
     say("all processes have ended")
     return 0
+
+
+def path_driving(end: PlannerEnd, is_wanted: bool) -> Callable[[float], None]:
+    """What drives the path that the app tells, to be called now and then; or nothing."""
+    if not is_wanted:
+        return lambda now_s: None
+    driving = importlib.import_module("fakes.planner_mcu.path_driving")  # not installed with this
+    step: Callable[[float], None] = driving.PathDriving(end.planner).step
+    return step
 
 
 def recorded_to(path: str) -> str:
@@ -118,7 +133,9 @@ def world_words(options: argparse.Namespace, config: Config) -> list[str]:
     words = [sys.executable, "-m", "fakes", "--scene", options.scene, "--seed", str(options.seed)]
     words += ["--scanner", config.scanner.driver, "--lens", *map(str, lens_of(config))]
     words += ["--wheels", *map(str, wheels_of(config))]
-    words += DRIVEN_WORLD if options.drive else ()
+    words += DRIVEN_WORLD if options.drive or options.cleans else ()
+    camera = camera_of(config)
+    words += ["--camera", *map(str, camera)] if camera else []
     words += ["--positioning"] if config.motion.source == "external" else []
     return words
 
@@ -163,6 +180,7 @@ def main(arguments: list[str] | None = None) -> int:
         config = configured(options.config)
     except ConfigError as error:
         return fail("demo", error)
+    options.cleans = config.coverage is not None and config.coverage.plan
     options.scene = options.scene or SCENES.get(options.robot, USUAL_SCENE)
     if options.drive and config.motion.source != "wheels":
         return fail(

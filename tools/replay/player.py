@@ -13,12 +13,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from app import App, Ports
+from beside import Replayed
 from config_file import load_config
 from core.config import Config
+from core.objects.seen import Seen
+from core.paths.planned import Planned
 from core.saved.encoding import StateError, arrays_from_bytes
 from core.saved.state import restore
-from perception import Replayed
 from recording.frames import seen_from_bytes
+from recording.plans import planned_from_bytes
 from recording.reader import Recording
 from recording.records import (
     ASK,
@@ -26,6 +29,7 @@ from recording.records import (
     CHANGED,
     IN,
     OUT,
+    PLANNED,
     READ_ENDED,
     RESTORED,
     SEEN,
@@ -81,10 +85,11 @@ class Player:
         planners = self._ports[DEVICES : DEVICES + len(self.config.planner.ports)]
         scanner, ahrs, drive = self._ports[:DEVICES]
         ports = Ports(scanner, ahrs, drive, planners[0], tuple(planners[1:]))
-        devices, self._seen = self._devices(ports), Replayed()
+        devices, self._seen = self._devices(ports), Replayed[Seen]()
+        self._planned = Replayed[Planned | None]()
         self.app = App(
             self.config, ports, session=recording.session, key=key, replayed=replayed,
-            devices=devices, frames=self._seen,
+            devices=devices, frames=self._seen, plans=self._planned,
         )  # fmt: skip
         self.checks = checks_of(planners)
         self.now_s, self.done = 0.0, False
@@ -182,6 +187,8 @@ class Player:
                 ports[number].becomes(became_from_bytes(record.data))
             elif kind == SEEN:
                 self._seen.waiting.append(seen_from_bytes(record.data))
+            elif kind == PLANNED:
+                self._planned.waiting.append(planned_from_bytes(record.data))
         return None
 
     def _do(self, call: Record) -> None:

@@ -177,6 +177,8 @@ class SimulatedRobot:
             if not set(DEVICES) <= told.keys():
                 raise RunError(f"the world's first line names no ports: {told}")
             ports = {f"{name}.port": told[name] for name in DEVICES}
+            if "depth" in told:
+                ports["depth.port"] = told["depth"]
             if not configured(settings).drive.port:  # a robot that has no drive
                 ports["drive.port"] = ""
             values = with_positioning(values, told.get("positioning", ""))

@@ -78,8 +78,12 @@ def take_sweep(
     return count, decide_cells(touched.at[: touched.used[0]], surface, shown, used)
 
 
-def limits_of(config: Config) -> Limits:
-    """What the settings tell, worked out once."""
+def limits_of(config: Config, are_pictures: bool = False) -> Limits:
+    """What the settings tell, worked out once.
+
+    Args:
+        are_pictures: sweeps show fields of floor, not a line of it: what stands there shows, too.
+    """
     scanner, obstacle, mount_z_m = config.scanner, config.obstacle, config.scanner.mount_z_m
     tilt_rad, spec = math.radians(max(0.0, scanner.mount_tilt_deg)), scanner.options.spec
     far_m = mount_z_m / max(math.tan(tilt_rad), mount_z_m / along.REACH_M)
@@ -92,7 +96,7 @@ def limits_of(config: Config) -> Limits:
         guess_m2=(GUESS * obstacle.h_pos_m) ** 2,
         sure_m2=(GUESS * obstacle.h_pos_m) ** 2,
         wheels_m2=math.inf,
-        floor_says=0.0,
+        floor_says=PASS_LOW if are_pictures else 0.0,
         sigma_m=spec.sigma_m,
         sigma_share=spec.sigma_share,
         noise_m2=0.0,
@@ -119,7 +123,8 @@ def as_it_stands(limits: Limits) -> Limits:
 class SurfaceMaps:
     """The maps of one run, kept up scan by scan."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, are_pictures: bool = False) -> None:
+        """`are_pictures`: see `limits_of`."""
         scanner, robot, window_cells = config.scanner, config.robot, config.obstacle.window_cells
         beams = scanner.options.spec.max_beams
         self._geometry = BeamGeometry.of(scanner)
@@ -129,7 +134,7 @@ class SurfaceMaps:
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
         self._error, self._sway = SweepFilter(), Sway(ALIKE_S)
-        self._limits = limits_of(config)
+        self._limits = limits_of(config, are_pictures)
         self._stood: BodyPose | None = None  # where its map began, until it moves
         self._moved = False
         self._surface = Surface(

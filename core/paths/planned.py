@@ -1,0 +1,58 @@
+"""What was planned, as it enters the app at a tick; and how far along it the machine is.
+
+Nothing here needs the library of polygons: a replay has only this of a plan.
+"""
+
+import numpy as np
+from msgspec import Struct
+
+from core.records import F64, PathSegment
+
+PASSED_M = 0.05  # so near before the end of an edge it counts as passed,
+ASIDE_M = 0.30  # if the machine is no farther to the side of it
+STUBBY_M = 1e-4  # edges that are shorter are passed at once
+Place = tuple[float, float, float]  # x, y, yaw; map frame
+
+
+class Planned(Struct, frozen=True, eq=False):
+    """One task, all that the app gets of it. Without segments there is nothing to drive."""
+
+    t_s: float  # host monotonic clock: when it was asked for
+    epoch: int  # of the map, as in `core.objects.seen.Seen`
+    goal: str  # "look", "sweep", "home", "wait" or "stuck"
+    why: str  # of what waits, turns on the spot or is stuck; "" else
+    segments: tuple[PathSegment, ...]
+    seen_m2: float  # floor that was seen by then, and clean floor
+    clean_m2: float
+
+
+class Progress:
+    """How far a machine has come along a path of straight edges; it never goes back on it."""
+
+    def __init__(self, segments: tuple[PathSegment, ...]) -> None:
+        self._points: F64 = np.vstack([np.zeros((0, 2)), *(one.points_m for one in segments)])
+        self._sweeps = [one.sweeps for one in segments for _ in one.points_m]  # on the way to each
+        self.ahead = min(1, len(self._points))  # the point that it drives to; all: it has passed it
+        self.is_on_path = False  # beside the edge that it drives
+
+    @property
+    def is_done(self) -> bool:
+        return self.ahead >= len(self._points)
+
+    @property
+    def sweeps(self) -> bool:
+        """Whether the tool works where the machine is now."""
+        return not self.is_done and self.is_on_path and self._sweeps[self.ahead]
+
+    def step(self, x_m: float, y_m: float) -> None:
+        """The machine is there now."""
+        while not self.is_done:
+            begin, end = self._points[self.ahead - 1], self._points[self.ahead]
+            (ax, ay), length_m = (end - begin).tolist(), float(np.hypot(*(end - begin)))
+            if length_m > STUBBY_M:
+                dx, dy = float(end[0]) - x_m, float(end[1]) - y_m
+                left_m, aside_m = (dx * ax + dy * ay) / length_m, abs(dx * ay - dy * ax) / length_m
+                self.is_on_path = aside_m <= ASIDE_M
+                if left_m > PASSED_M or not self.is_on_path:
+                    return
+            self.ahead += 1

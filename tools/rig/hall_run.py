@@ -87,7 +87,7 @@ class Camcorder:
     def __init__(self, world: RollingWorld, config: Config, seed: int) -> None:
         kind, mount = KINDS[MODEL], config.depth
         assert mount is not None
-        faults = Faults(MODEL)
+        self.faults = faults = Faults(MODEL)
         faults.mount_m = (mount.mount_x_m, mount.mount_y_m, mount.mount_z_m)
         faults.tilt_deg = mount.mount_tilt_deg
         self._lens, self._camera = lens_of(kind, 0), Camera(faults, kind, world.met, seed)
@@ -148,7 +148,7 @@ class HallRun:
         self.obstacles: tuple[Obstacle, ...] = ()
         self._controller = FakeAx3500(self.world, seed, "rc")
         self._follower, self._drift = PathFollower(LIMITS), Drift(seed)
-        self._camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(objects)
+        self.camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(objects)
         self._turns = 0  # on the spot, for floor to be seen
         self._tick, self._at, self._halts = 0, (0.0, 0.0, 0.0), False
         self._barred_s = self._arrived_s = math.inf
@@ -186,8 +186,8 @@ class HallRun:
     def _look(self, place: Place) -> None:
         known = [wall.segments for wall in self.map.walls.records()]
         told = self._steps.find(
-            self._camera.image(self.now_s),
-            self._camera.pose(place),
+            self.camera.image(self.now_s),
+            self.camera.pose(place),
             np.vstack(known) if known else np.zeros((0, 4)),
         )
         self.tally.frames += 1
@@ -250,7 +250,8 @@ class HallRun:
 
     @property
     def is_blind(self) -> bool:
-        return self.now_s - max(0.0, self._views.last_s) > BLIND_S
+        """Whether no frame has shown floor for long."""
+        return self.now_s - self._views.last_s > BLIND_S
 
     def _near(self, place: Place, things: list[Polygon]) -> list[Polygon]:
         here = shapely.Point(place[:2])

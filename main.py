@@ -137,9 +137,10 @@ def serve(
     """
     wanted = Wanted()
     warm_kernels(config)
+    plans = config.coverage is not None and config.coverage.plan
     app = App(
         config, ports, session=secrets.randbits(32), key=key, version=version(),
-        frames=maybe_beside(config.has_camera), plans=maybe_beside(config.has_camera),
+        frames=maybe_beside(config.has_camera), plans=maybe_beside(plans),
     )  # fmt: skip
     stepped = recorder.begin(app, key is not None, loaded) if recorder else app
     if loaded is not None:

@@ -22,6 +22,7 @@ from rich.console import Console
 from tests import ROOT, Capsys, Patch
 from tests.support.cases import few
 from tools.cli import demo
+from tools.cli.options import configured
 from tools.cli.view import PAGE_AT
 from tools.settings import NotThereError, rewritten
 from tools.terminal import processes
@@ -68,6 +69,7 @@ def options(out: Path | None = None, seconds: float = 0.3) -> argparse.Namespace
         config=config,
         serial=False,
         drive=False,
+        cleans=False,
         out=out,
         no_page=True,
         record=None,
@@ -92,6 +94,15 @@ def is_gone(pid: int) -> bool:
     except ProcessLookupError:
         return True
     return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+
+
+def test_a_cleaners_world_has_its_camera_and_wheels_that_obey_the_app() -> None:
+    given = options()
+    given.cleans = True
+    words = demo.world_words(given, configured(ROOT / "robots" / "cleaner.toml"))
+    assert words[words.index("--camera") + 1 :][:4] == ["0.12", "0.0", "1.1", "55.0"]
+    assert "--no-driver" in words
+    assert "--camera" not in demo.world_words(options(), configured(ROOT / "mapod.toml"))
 
 
 def test_only_the_named_keys_of_the_shipped_configuration_change_and_others_are_refused() -> None:

@@ -1,6 +1,7 @@
 """The tables of the terrain maps, and their place in docs/terrain.md."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from tools.experiments.terrain.runs import Results
 from tools.experiments.terrain.scenes import SIZES_M, THINGS
 from tools.experiments.terrain.trials import BY_FEET
 
+DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "terrain.md"
 BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 PAPER = {"stripe": (16.5, 10.0, 3.9, 4.2), "URG-04LX": (6.8, 5.0, 2.6, 17.7)}
 
@@ -146,10 +148,10 @@ def tables(found: Results) -> str:
     return "\n\n".join("\n".join([title, "", *table(found)]) for title, table in parts)
 
 
-def with_tables(document: str, told: str) -> str:
-    """A document with other tables between its two marks; ValueError: it has not both."""
-    before, begin, rest = document.partition(BEGIN)
-    _, end, after = rest.partition(END)
+def with_tables(document: str, told: str, marks: tuple[str, str] = (BEGIN, END)) -> str:
+    """A document with other tables between two marks; ValueError: it has not both."""
+    before, begin, rest = document.partition(marks[0])
+    _, end, after = rest.partition(marks[1])
     if not (begin and end):
-        raise ValueError(f"the document must have the lines {BEGIN} and {END}")
-    return f"{before}{BEGIN}\n\n{told}\n\n{END}{after}"
+        raise ValueError(f"the document must have the lines {marks[0]} and {marks[1]}")
+    return f"{before}{begin}\n\n{told}\n\n{end}{after}"

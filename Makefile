@@ -185,8 +185,9 @@ experiments: setup ## the paper's experiments and more, both methods: docs/exper
 terrain: setup $(VENV)/.ready-camera ## docs/terrain.md's maps of centimetres, by each method: tables and pictures; ten minutes [ARGS=--quick]
 	@$(BIN)/python -m tools.experiments.terrain $(ARGS)
 
-fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the codecs, then of the C header [MINUTES=10 each]
-	@$(BIN)/python -m tools.fuzz --count --keep --seconds $$(( 60 * $(or $(MINUTES),10) ))
+fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## all that takes bytes from outside: guided, then long inputs; then the C header [MINUTES=10 each; KEEP=1: count it, keep new inputs]
+	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) $(if $(KEEP),--count --keep)
+	@$(BIN)/python -m tools.fuzz --streams --seconds $$(( 60 * $(or $(MINUTES),10) )) $(if $(KEEP),--count)
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
 mcu: setup $(VENV)/.ready-test ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4

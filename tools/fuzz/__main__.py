@@ -91,7 +91,7 @@ def run_all(options: argparse.Namespace) -> int:
 def run_one(options: argparse.Namespace) -> int:
     """In this process, until its time is over or it finds something."""
     target, tally = TARGETS[options.target], Tally.at(options.tally)
-    folder = FOUND / options.target
+    folder = FOUND / options.target if options.seconds else options.tally.with_name("inputs")
     folder.mkdir(parents=True, exist_ok=True)
     target.write_seeds(folder)
     for path in corpus.kept(options.target):

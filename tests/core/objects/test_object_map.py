@@ -260,6 +260,18 @@ def test_a_piece_of_a_wall_goes_when_the_wall_is_known_and_what_stands_before_it
     assert overlap(still.polygon, before.outline) > 0.4  # half of it was seen
 
 
+@pytest.mark.parametrize(("frames", "left"), [(8, 0), (40, 1)])
+def test_a_walls_end_face_goes_when_the_wall_is_known_unless_it_has_settled(
+    frames: int, left: int
+) -> None:
+    world, objects = World([box(3.08, 1.58, 0.1, 0.1)]), ObjectMap(SETTINGS)
+    watch(world, objects, frames)
+    assert len(outlines(objects)) == 1
+    world.things, world.walls = [], np.array([[3.0, -1.5, 3.0, 1.5]])
+    watch(world, objects, SETTINGS.confirm_frames + 1)  # sooner than it was seen to be gone
+    assert len(outlines(objects)) == left
+
+
 def test_what_a_field_gives_away_is_not_drawn_as_its_own_again() -> None:
     field = DistanceField(SETTINGS)
     field.reach(np.array([0.0, 0.0]), np.array([0.6, 0.6]))

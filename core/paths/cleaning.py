@@ -113,8 +113,9 @@ class Cleaning:
 
     def has_work(self, place: Place) -> bool:
         """Whether a tool that goes ahead there sweeps floor that is not clean yet."""
-        ahead = np.array([math.cos(place[2]), math.sin(place[2])]) * AHEAD_M
-        tool = disc(np.array(place[:2]) + ahead, self.settings.machine.width_m / 2)
+        x, y, yaw = place
+        at = x + AHEAD_M * math.cos(yaw), y + AHEAD_M * math.sin(yaw)
+        tool = disc(at, self.settings.machine.width_m / 2)
         return self.clean.count_below(tool) > SPECK_CELLS
 
     def free(self, things: Sequence[Polygon]) -> BaseGeometry:

@@ -113,8 +113,9 @@ class Cleaning:
 
     def has_work(self, place: Place) -> bool:
         """Whether a tool that goes ahead there sweeps floor that is not clean yet."""
-        ahead = np.array([math.cos(place[2]), math.sin(place[2])]) * AHEAD_M
-        tool = disc(np.array(place[:2]) + ahead, self.settings.machine.width_m / 2)
+        x, y, yaw = place
+        at = x + AHEAD_M * math.cos(yaw), y + AHEAD_M * math.sin(yaw)
+        tool = disc(at, self.settings.machine.width_m / 2)
         return self.clean.count_below(tool) > SPECK_CELLS
 
     def free(self, things: Sequence[Polygon]) -> BaseGeometry:
@@ -137,6 +138,8 @@ class Cleaning:
     def plan(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
 
+        Behind a third of them it looks no more, behind half of them it goes home.
+
         Args:
             things: outlines of all that is known to stand or to move, walls too.
             may_look: False: something barred the way; go on as before, whatever is unseen.
@@ -145,7 +148,7 @@ class Cleaning:
         self._tried += 1
         if won_m2 > self._won_m2 + WON_M2:
             self._tried, self._won_m2 = 0, won_m2
-        task = self._next(place, things, may_look)
+        task = self._next(place, things, may_look and self._tried < self.settings.tries // 3)
         if self._tried < self.settings.tries:
             return task
         return Task("stuck", why=task.why or f"the way is barred again and again, to {task.goal}")
@@ -212,7 +215,8 @@ class Cleaning:
         swept = self.clean.area()
         left = target.difference(swept)
         wide = left.buffer(-s.sliver_m / 2).buffer(s.sliver_m / 2)
-        if self._rounds > s.rounds or wide.area <= s.enough * target.area:
+        is_vain = self._tried >= s.tries // 2  # what is left of its tries is for the way home
+        if is_vain or self._rounds > s.rounds or wide.area <= s.enough * target.area:
             return None
         done = target.difference(wide)
         try:

@@ -359,7 +359,8 @@ def _entered(line: shapely.LineString) -> F64:
         shapely.get_coordinates(shapely.line_interpolate_point(line, m)) for m in (at, at - 0.05)
     )
     step = ends - before
-    return ends + MACHINE.radius_m * step / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    lengths = np.maximum(np.hypot(*step.T), 1e-9)[:, None]
+    return np.asarray(ends + MACHINE.radius_m * step / lengths)
 
 
 def _first(points: F64, metres: float) -> F64:

@@ -153,6 +153,18 @@ def test_what_parts_it_from_the_dock_makes_it_stop_and_say_so() -> None:
     assert machine.goals.count("look") < 30
 
 
+def test_looks_that_win_nothing_end_and_it_goes_home() -> None:
+    machine = Jumper()
+    machine.jump((0.0, 0.0, 0.0), False)
+    machine.cleaning.floor.vouch(shapely.get_coordinates(ROOM.exterior)[:-1])
+    goals = []
+    for _ in range(SETTINGS.tries - 1):
+        goals.append(machine.cleaning.plan((0.0, 0.0, 0.0), machine.known, may_look=True).goal)
+        machine.cleaning.clean.vouch(shapely.get_coordinates(ROOM.exterior)[:-1])
+    assert goals[0] == "look"
+    assert goals[-1] == "home"
+
+
 def test_what_takes_long_and_wins_floor_is_not_given_up() -> None:
     machine = Jumper()
     machine.jump((0.0, 0.0, 0.0), False)

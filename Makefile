@@ -6,7 +6,7 @@ SECONDS ?=
 SEED ?= 1
 SCENE ?= corridor
 
-.PHONY: help setup run rig planner test test-all lock sbom flash-proof nightly coverage mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
+.PHONY: help setup run rig planner test test-all lock audit sbom flash-proof nightly coverage decisions mutants check format bench campaign faults realtime flash conformance soak mcu c-sanitize experiments terrain placement sensitivity pictures objects object-map coverage-plans link-soak \
   fuzz clean
 help: ## list the targets
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -68,6 +68,7 @@ DRAWN = $(BIN)/python -c "from tools.docs.pictures import record; record(['$(1)'
 # The drives of one file share what they look at, so a file stays in one process.
 PYTEST := $(BIN)/python -m pytest
 PARALLEL := -n auto --maxprocesses 8 --dist loadfile
+SECOND_ROOT := tests/tools/flash/test_second_root.py # it waits more than it works
 
 c-sanitize: setup $(VENV)/.ready-test ## the C of the header and of the planner under the address and undefined behaviour sanitizers
 	@MAPOD_C_SANITIZE=1 ASAN_OPTIONS=detect_leaks=0 LD_PRELOAD="$$(gcc -print-file-name=libasan.so)" \
@@ -84,19 +85,26 @@ test: ## the tests, on all cores: none of them looks at the clock
 
 test-all: test $(VENV)/.ready-fuzz ## the tests, then the slow ones, those in real time one by one, the C under sanitizers, mutants
 	@echo "mapod: running the slow tests"
-	@$(PYTEST) $(PARALLEL) -m "slow and not real_time"
+	@$(PYTEST) $(PARALLEL) --no-loadscope-reorder -m "slow and not real_time"
 	@echo "mapod: running the tests in real time"
-	@$(PYTEST) -n 0 -m real_time
-	@$(MAKE) --no-print-directory coverage mutants c-sanitize
+	@$(PYTEST) -n 0 -m real_time --ignore=$(SECOND_ROOT)
+	@echo "mapod: comparing costs with those kept last (make bench)"
+	@$(BIN)/python -m tools.bench.ratios --check
+	@echo "mapod: proving the flash on a second root, coverage and mutants beside it"
+	@$(MAKE) --no-print-directory -j2 flash-proof decisions
+	@$(MAKE) --no-print-directory c-sanitize
 
 flash-proof: setup $(VENV)/.ready-test ## flash, crash, hang, broken version, 20 power cuts, rollback: on a second root with systemd; needs root
-	@$(PYTEST) -n 0 -s tests/tools/flash/test_second_root.py
+	@$(PYTEST) -n 0 -s $(SECOND_ROOT)
 
 nightly: setup $(VENV)/.ready-test ## the tests of properties, with many more examples, other ones each time
 	@$(PYTEST) $(PARALLEL) --hypothesis-profile nightly -m "hypothesis and not real_time"
 
 coverage: setup $(VENV)/.ready-test ## every branch of what says free or moves the robot, with kernels as Python: 100 % or it fails
 	@$(BIN)/python -m tests.mutation.coverage
+
+decisions: | coverage # both, one after the other
+	@$(MAKE) --no-print-directory mutants
 
 mutants: setup $(VENV)/.ready-test ## faults put into those files: their tests must see each [N=100: a sample, SEED=1; ONLY=path]
 	@$(BIN)/python -m tests.mutation --count $(or $(N),0) --seed $(SEED) $(if $(ONLY),--only $(ONLY))
@@ -112,6 +120,11 @@ lock: | $(BIN)/python ## requirements.lock anew, from pyproject.toml: versions a
 	  --python-version 3.11 --no-header $(if $(UPGRADE),--upgrade) --output-file requirements.lock
 	@$(MAKE) --no-print-directory sbom
 
+audit: | $(BIN)/python ## requirements.lock against a public list of known weaknesses; needs a network, so CI does not [SERVICE=osv]
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet --target build/audit "pip-audit>=2.9,<3" || \
+	  { echo "mapod: pip-audit can't be fetched: is there a network?"; exit 2; }
+	@$(BIN)/python -m tools.deps.audit --tool build/audit $(if $(SERVICE),--service $(SERVICE))
+
 sbom: | $(BIN)/python ## docs/sbom.cdx.json from requirements.lock: all libraries, in the form CycloneDX
 	@$(BIN)/python -m tools.deps.sbom
 
@@ -123,7 +136,11 @@ flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: d
 	@test -n "$(HOST)" || { echo "mapod: which robot? make flash HOST=user@robot"; exit 1; }
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 
-bench: setup $(VENV)/.ready-test ## what the process uses, beside the figures kept last; what a scan, an image, the planner link and a depth frame cost [KEEP=1 keeps them]
+bench: setup $(VENV)/.ready-test ## ratios to NumPy, OpenCV, OctoMap and to itself, smaller; what the process uses, beside the figures kept last; what a scan, an image, the planner link and a depth frame cost [KEEP=1 keeps them]
+	@$(BIN)/python -m pip install --disable-pip-version-check --quiet --no-deps --target build/octomap "pyoctomap>=1.2,<2" || \
+	  echo "mapod: without OctoMap beside it"
+	@$(BIN)/python -m tools.bench.ratios $(if $(KEEP),--keep)
+	@$(if $(KEEP),$(call DRAWN,bench-ratios.png,bench,tools/bench/ratio_picture.py))
 	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)
 	@$(BIN)/python -m tools.bench.bench
 	@$(BIN)/python -m tools.bench.mapping
@@ -168,8 +185,9 @@ experiments: setup ## the paper's experiments and more, both methods: docs/exper
 terrain: setup $(VENV)/.ready-camera ## docs/terrain.md's maps of centimetres, by each method: tables and pictures; ten minutes [ARGS=--quick]
 	@$(BIN)/python -m tools.experiments.terrain $(ARGS)
 
-fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## coverage-guided fuzzing of the codecs, then of the C header [MINUTES=10 each]
-	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) ))
+fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## all that takes bytes from outside: guided, then long inputs; then the C header [MINUTES=10 each; KEEP=1: count it, keep new inputs]
+	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) $(if $(KEEP),--count --keep)
+	@$(BIN)/python -m tools.fuzz --streams --seconds $$(( 60 * $(or $(MINUTES),10) )) $(if $(KEEP),--count)
 	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
 mcu: setup $(VENV)/.ready-test ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4

@@ -70,6 +70,11 @@ class ObjectMapSettings(Struct, frozen=True, forbid_unknown_fields=True):
         return max(1.0, (self.memory_frames - self.confirm_frames) / self.gone_frames)
 
     @property
+    def contradiction_m(self) -> float:
+        """A side that is off by more than this is none of the same place (2 sigma)."""
+        return min(self.band_m, 2.0 * self.pose_sigma_m)
+
+    @property
     def guard_m(self) -> float:
         """Beyond a surface by so much is beyond it for any pose (3 sigma)."""
         return 3.0 * self.pose_sigma_m + self.view_gap_m

@@ -13,7 +13,7 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 OUTSIDE = 0  # of the map: nothing is told
 # why a cell is unknown
 UNSEEN, GONE, UNSHOWN, CONTRADICTED, EARLIER_RUN, EDGE, FOOT, AGED, BEYOND_METHOD = range(1, 10)
-UNKNOWN_BEFORE, GUESSED, UNREACHED, FEW, RESET, CORRUPT, UNCERTAIN = range(10, 17)
+UNKNOWN_BEFORE, GUESSED, UNREACHED, FEW, RESET, CORRUPT, UNCERTAIN, BESIDE = range(10, 18)
 # why it is free
 FLOOR, SOFT, PASSED, FLOOR_AGAIN, JUDGED_AGAIN, FREE_BEFORE = range(64, 70)
 # why it is an obstacle
@@ -66,6 +66,7 @@ CAUSES = {
         "corrupt", "It departs from its neighbours and is not certain: a mixed pixel, perhaps."
     ),
     UNCERTAIN: Cause("uncertain", "It looks flat, but too few readings have agreed on it."),
+    BESIDE: Cause("beside", "It looks flat, but what an obstacle beside it is may reach into it."),
     FLOOR: Cause("floor", "All that was seen in it lies within the bounds of floor."),
     SOFT: Cause(
         "soft", "What stands in it lets beams in, and is lower than the settings call free."

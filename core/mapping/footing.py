@@ -2,15 +2,18 @@
 
 Of heights alone, for planners of legged robots; nothing is kept, and who asks for some cells pays
 for these alone. An edge is a difference of heights, whatever lies between: a ramp counts as one
-where it has risen by the bound. Refuses to guess: a foot that would touch a cell that is not known,
-soft, or outside of the map gets no foothold told, and a cell that is not known is no edge. A height
-that was filled in is known as far as it can hide no edge: off by GATE sigmas, it still is none. But
-the middle of a foot and half of the cells under it, at least, must have been measured.
+where it has risen by the bound. A cell keeps its highest point: one over which an edge runs seems
+as high as the upper side, and the lower side shows in the next one. So no edge may be under a foot
+nor in the cells beside those under it. Refuses to guess: where any of these is not known, soft, or
+out of the map, no foothold is told, and a cell that is not known is no edge. A height that was
+filled in is known as far as it can hide no edge: off by GATE sigmas, it still is none. But the
+middle of a foot and half of the cells under it, at least, must have been measured.
 Source: foothold scores by slope, roughness and step as Wermelinger et al., Navigation planning for
 legged robots in challenging terrain, 2016; distance to edges as Jenelten et al., TAMOLS, 2022.
 """
 
 import functools
+import itertools
 import math
 from typing import NamedTuple
 
@@ -60,6 +63,14 @@ class Near(NamedTuple):
     away_m: F64  # (n,) from centre to centre
 
 
+class Sole(NamedTuple):
+    """Cells about that of a foot's middle: those that it touches, then those beside these."""
+
+    di: I64  # (n,) columns
+    dj: I64  # (n,) rows
+    touched: int  # so many of them
+
+
 @functools.lru_cache(maxsize=16)
 def near_within(reach_m: float, cell_m: float, touched: bool) -> Near:
     """Cells, without the own one, whose centre is within reach; `touched`: any of their area is."""
@@ -71,6 +82,17 @@ def near_within(reach_m: float, cell_m: float, touched: bool) -> Near:
     listed = np.nonzero(is_near & ((di != 0) | (dj != 0)))[0]
     order = listed[np.argsort(np.hypot(di, dj)[listed], kind="stable")]
     return Near(di[order], dj[order], cell_m * np.hypot(di, dj)[order])
+
+
+@functools.lru_cache(maxsize=16)
+def sole_of(foot_m: float, cell_m: float) -> Sole:
+    """Of a foot of that radius."""
+    under = near_within(foot_m, cell_m, True)
+    touched = [(0, 0), *zip(under.di.tolist(), under.dj.tolist(), strict=True)]
+    steps = tuple(itertools.product((-1, 0, 1), repeat=2))
+    about = {(i + di, j + dj) for i, j in touched for di, dj in steps}
+    cells = np.array([*touched[1:], *sorted(about.difference(touched))], dtype=np.int64)
+    return Sole(cells[:, 0].copy(), cells[:, 1].copy(), len(touched) - 1)
 
 
 @kernel
@@ -134,16 +156,16 @@ def _foothold(
     corner: tuple[int, int],
     size: int,
     heights: tuple[F64, F64, F64],
-    under: Near,
+    sole: Sole,
     cell_m: float,
     footing: Footing,
 ) -> tuple[float, float]:
-    """Of a foot on one cell, and the largest sigma under it.
+    """Of a foot on one cell, and the largest sigma under and beside it.
 
     The plane under it is the simpler as it touches cells all around.
     """
     z_m, low_m, sigma_m = heights
-    di, dj, n = under.di, under.dj, 1 + under.di.size
+    di, dj, n = sole.di, sole.dj, 1 + sole.touched
     z, sigma, most_m = z_m[own], sigma_m[own], z_m[own] - low_m[own]
     sz = szz = sxz = syz = sxx = 0.0
     if math.isnan(z) or sigma > 0.0:
@@ -155,11 +177,13 @@ def _foothold(
         if at < 0 or math.isnan(z_m[at]):
             return math.nan, math.nan
         up, off_m = z_m[at] - z, GATE * sigma_m[at]
-        measured += off_m == 0.0
         step_m, largest_m = max(abs(up), abs(low_m[at] - z)), max(largest_m, sigma_m[at])
         if off_m == 0.0:
             most_m = max(most_m, step_m)
         hidden_m = max(hidden_m, step_m + off_m)
+        if k >= sole.touched:
+            continue
+        measured += off_m == 0.0
         sz, szz = sz + up, szz + up * up
         sxz, syz, sxx = sxz + di[k] * up, syz + dj[k] * up, sxx + di[k] * di[k]
     if most_m > footing.step_m:
@@ -180,7 +204,7 @@ def _judge_footholds(
     corner: tuple[int, int],
     size: int,
     heights: tuple[F64, F64, F64],
-    under: Near,
+    sole: Sole,
     cell_m: float,
     footing: Footing,
     footholds: F64,
@@ -188,7 +212,7 @@ def _judge_footholds(
 ) -> None:
     for k in range(listed.size):
         footholds[k], sigmas_m[k] = _foothold(
-            listed[k], corner, size, heights, under, cell_m, footing
+            listed[k], corner, size, heights, sole, cell_m, footing
         )
 
 
@@ -199,8 +223,8 @@ def footing_of(name: str, ground: Ground, at: I64, footing: Footing) -> F64:
         (n,) "edge": m from the cell's centre to that of the nearest known cell whose height differs
         from its own by more than `step_m`, or under whose ground a beam was so low; 0: its own is
         so; `reach_m`: none is nearer. "foothold": 1 level and smooth, 0 an edge, steep or rough;
-        "foothold_sigma": m, the largest 1 sigma of the heights under that foot, 0 where all were
-        measured. NaN: not known.
+        "foothold_sigma": m, the largest 1 sigma of the heights under that foot and beside it, 0
+        where all were measured. NaN: not known.
     """
     grid, cell_m, found = ground.grid, ground.grid.cell_m, np.empty(at.size)
     corner, heights = (grid.corner_i, grid.corner_j), (ground.z_m.ravel(), ground.low_m.ravel())
@@ -210,10 +234,9 @@ def footing_of(name: str, ground: Ground, at: I64, footing: Footing) -> F64:
         near = near_within(footing.reach_m, cell_m, False)
         _find_edges(at, corner, grid.size, heights, near, foot, found)
     else:
-        foot_m = max(footing.radius_m, NEIGHBOURS * cell_m)
-        under = near_within(foot_m, cell_m, True)
+        sole = sole_of(max(footing.radius_m, NEIGHBOURS * cell_m), cell_m)
         told = (*heights, ground.sigma_m.ravel())
-        _judge_footholds(at, corner, grid.size, told, under, cell_m, foot, found, sigmas_m)
+        _judge_footholds(at, corner, grid.size, told, sole, cell_m, foot, found, sigmas_m)
     return sigmas_m if name == "foothold_sigma" else found
 
 

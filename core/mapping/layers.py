@@ -118,7 +118,7 @@ def _maybe_footing(maps: Layered, name: str, footing: Footing) -> RingLayer | No
         if name == "edge":
             ground = maps.ground_at(cells_within(grid, at, footing.reach_m))
         else:
-            ground = maps.filled_at(cells_within(grid, at, footing.radius_m))
+            ground = maps.filled_at(cells_within(grid, at, footing.radius_m + grid.cell_m))
         return footing_of(name, ground, at, footing)
 
     return grid, told

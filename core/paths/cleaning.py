@@ -17,21 +17,35 @@ from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from core.paths.coverage import plan_coverage, space_at
-from core.paths.frontiers import Block, Viewpoint, frontier_blocks, next_viewpoint
+from core.paths.frontiers import (
+    FEW_CELLS,
+    LEAST_CELLS,
+    Block,
+    Viewpoint,
+    frontier_blocks,
+    next_viewpoint,
+)
 from core.paths.records import Machine, Segment
 from core.paths.seen_floor import SeenFloor
-from core.paths.space import FloorError, grown, polygons_in
+from core.paths.space import FloorError, grown, narrowed, polygons_in
 from core.paths.visibility import VisibilityGraph
 from core.records import F64
 
 Goal = Literal["look", "sweep", "home", "wait", "done", "stuck"]
 Place = tuple[float, float, float]  # x, y, yaw
 LOOKS = 2  # at one frontier, at most: what is still unseen is seen while sweeping, or never
+LOOKS_MOST, MOVED_M = 6, 0.15  # at one whose middle has moved by that since: it was seen in part
 AT_DOCK_M = 0.25  # from there the dock can be got to
 TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
 ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
-CLEAR_M = 0.08  # around the machine, that is clear where it starts
+GRAZING_M = 0.1  # from things to the line along which it looks past them
+GAP_M = 0.12  # from the end of a view to what it ends at, at most
+AHEAD_M = 0.04  # of the tool: where it is in the next instants
+SPECK_CELLS = 3  # that are not clean: so few are left at the border of any band
+CLEAR_M = 0.08  # around the machine, that is clear where it starts,
+LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
+PARTED_M2, PARTED_LOOKS = 1.0, 8  # of places that are parted off: so often it turns and looks again
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,13 +86,14 @@ class Cleaning:
         self.floor = SeenFloor(at, s.size_m, s.cell_m, s.seen_frames)
         self.clean = SeenFloor(at, s.size_m, s.cell_m, 1)
         lane = np.array([[0.0, -1.0], [1.0, -1.0], [1.0, 1.0], [0.0, 1.0]])
-        lane *= [s.start_clear_m, s.machine.radius_m + CLEAR_M]
+        lane *= [s.start_clear_m, s.machine.radius_m + LANE_CLEAR_M]
         c, sin = math.cos(dock[2]), math.sin(dock[2])
         self.floor.vouch(lane @ np.array([[c, sin], [-sin, c]]) + at)
         self.floor.vouch(disc(at, s.machine.radius_m + CLEAR_M))
         self._things: list[Polygon] = []
-        self._looks = Counter[Block]()  # at frontiers, so far
-        self._rounds = self._tried = 0
+        self._looks, self._looks_in_all = Counter[Block](), Counter[Block]()  # at frontiers
+        self._looked_at: dict[Block, tuple[float, float]] = {}
+        self._rounds = self._tried = self._parted = 0
         self._won_m2 = 0.0
 
     def see(self, view: F64, standing: Iterable[Polygon]) -> None:
@@ -96,11 +111,28 @@ class Cleaning:
             band = shapely.Point(end[:2]) if line is None else line
             self.clean.add(_outline(band.buffer(machine.width_m / 2)))
 
+    def has_work(self, place: Place) -> bool:
+        """Whether a tool that goes ahead there sweeps floor that is not clean yet."""
+        ahead = np.array([math.cos(place[2]), math.sin(place[2])]) * AHEAD_M
+        tool = disc(np.array(place[:2]) + ahead, self.settings.machine.width_m / 2)
+        return self.clean.count_below(tool) > SPECK_CELLS
+
     def free(self, things: Sequence[Polygon]) -> BaseGeometry:
-        """Where the machine's outline may be: seen, and away from things."""
+        """Where the machine's outline may be: seen, or hidden by a thing; and away from things."""
         guard_m = self.settings.guard_m
         bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in things])
-        return self.floor.free().difference(bars)
+        seen = self.floor.free()
+        beside = self._beside(seen, things)
+        self.floor.explain(beside)
+        return shapely.union_all([seen, *beside]).difference(bars)
+
+    def _beside(self, seen: BaseGeometry, things: Sequence[Polygon]) -> list[Polygon]:
+        """Gaps between seen floor and what is known to stand there: views end before that."""
+        outlines = shapely.union_all(things)
+        both = shapely.buffer(seen.union(outlines), GAP_M / 2, quad_segs=2)
+        closed = shapely.buffer(both, -GAP_M / 2, quad_segs=2)
+        near = shapely.buffer(outlines, GAP_M, quad_segs=2)
+        return polygons_in(closed.intersection(near).difference(seen))
 
     def plan(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
@@ -130,27 +162,38 @@ class Cleaning:
         if may_look and (task := self._look(space, graph, place)) is not None:
             return task
         self._rounds += may_look
-        return self._sweep(free, space, here) or self._home(space, graph, place)
+        return self._sweep(free, space, here) or self._home(free, space, graph, place)
 
     def frontiers(self, things: Sequence[Polygon]) -> set[Block]:
         """Names of the frontiers that there are."""
+        return set(self._blocks(things))
+
+    def _blocks(self, things: Sequence[Polygon]) -> dict[Block, tuple[float, float]]:
+        """Middles of frontiers; behind the first sweep of smaller ones too, which bar its way."""
         near = [one.buffer(self.settings.explained_m) for one in things]
-        return set(frontier_blocks(self.floor, self.floor.mask_of(near)))
+        least = FEW_CELLS if self._rounds > 0 else LEAST_CELLS
+        return frontier_blocks(self.floor, self.floor.mask_of(near), least)
 
     def _look(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task | None:
-        near = [one.buffer(self.settings.explained_m) for one in self._things]
-        blocks = frontier_blocks(self.floor, self.floor.mask_of(near))
-        left = {name: at for name, at in blocks.items() if self._looks[name] < LOOKS}
-        bars = shapely.union_all(self._things)
+        blocks = self._blocks(self._things)
+        left = {name: at for name, at in blocks.items() if self._is_worth_a_look(name, at)}
+        bars = shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in self._things])
         seen_from = next_viewpoint(left, space, bars, place)
         if seen_from is None:
             return None
         self._looks[seen_from.block] += 1
+        self._looks_in_all[seen_from.block] += 1
+        self._looked_at[seen_from.block] = seen_from.frontier
         way = self._way(space, graph, place, seen_from.place)
         if way is None:
             return self._look(space, graph, place)
         (x, y), (at_x, at_y) = seen_from.place, seen_from.frontier
         return Task("look", (Segment("travel", way),), math.atan2(at_y - y, at_x - x), seen_from)
+
+    def _is_worth_a_look(self, name: Block, at: tuple[float, float]) -> bool:
+        if math.dist(at, self._looked_at.get(name, at)) > MOVED_M:
+            self._looks[name] = 0
+        return self._looks[name] < LOOKS and self._looks_in_all[name] < LOOKS_MOST
 
     def _way(
         self, space: Polygon, graph: VisibilityGraph, place: Place, goal: tuple[float, float]
@@ -180,9 +223,21 @@ class Cleaning:
             return None
         return Task("sweep", plan.segments)
 
-    def _home(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task:
+    def _wait_for_more(self, free: BaseGeometry, space: Polygon, place: Place) -> Task | None:
+        """Look round before it goes home, where much seen floor is parted off: people pass."""
+        places_m2 = narrowed(free, self.settings.machine.margin_m).area
+        if places_m2 - space.area < PARTED_M2 or self._parted >= PARTED_LOOKS:
+            return None
+        self._parted += 1
+        return Task("look", (), place[2] + TURN_RAD, why="floor that was seen is parted off")
+
+    def _home(
+        self, free: BaseGeometry, space: Polygon, graph: VisibilityGraph, place: Place
+    ) -> Task:
         if space.distance(shapely.Point(self._dock[:2])) > AT_DOCK_M:  # something parts it off
             return Task("look", (), place[2] + TURN_RAD, why="something parts it from the dock")
+        if (task := self._wait_for_more(free, space, place)) is not None:
+            return task
         way = self._way(space, graph, place, self._dock[:2])
         if way is None:
             return Task("wait", why="there is no way to the dock")

@@ -20,7 +20,7 @@ from jit import allocating_kernel
 
 I64 = npt.NDArray[np.int64]
 BLOCK = 40  # cells of a frontier that are taken together
-LEAST_CELLS = 24  # of one block: fewer are no frontier
+LEAST_CELLS, FEW_CELLS = 24, 8  # of one block: fewer are no frontier; and where much was swept
 STEP_M = 0.1  # of the raster of places
 NEAR_M, FAR_M = 1.1, 1.8  # from a place to the frontier that is looked at
 IN_REACH_M = 1.0  # a frontier that is farther from all places is not needed
@@ -70,11 +70,12 @@ def _ways(is_place: Mask, i0: int, j0: int) -> F64:
     return far
 
 
-def frontier_blocks(floor: SeenFloor, known: Mask) -> dict[Block, Point]:
+def frontier_blocks(floor: SeenFloor, known: Mask, least: int) -> dict[Block, Point]:
     """Middles of the frontier's blocks, by their names.
 
     Args:
         known: of `SeenFloor.mask_of`, what things and walls explain.
+        least: cells of a block; fewer are no frontier.
     """
     seen = floor.is_seen()
     unknown = ~(seen | known)
@@ -84,11 +85,12 @@ def frontier_blocks(floor: SeenFloor, known: Mask) -> dict[Block, Point]:
     beside[:, 1:] |= seen[:, :-1]
     beside[:, :-1] |= seen[:, 1:]
     cells = np.argwhere(unknown & beside)
+    first = [part.start for part in floor.window]  # the window grows: names are of all the floor
     names, which, counts = np.unique(
-        cells // BLOCK, axis=0, return_inverse=True, return_counts=True
+        (cells + first) // BLOCK, axis=0, return_inverse=True, return_counts=True
     )
     centres, found = floor.centres(cells), dict[Block, Point]()
-    for k in np.flatnonzero(counts >= LEAST_CELLS):
+    for k in np.flatnonzero(counts >= least):
         x, y = centres[which.ravel() == k].mean(axis=0).tolist()
         found[int(names[k, 0]), int(names[k, 1])] = x, y
     return found

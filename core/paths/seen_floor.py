@@ -22,6 +22,7 @@ from jit import kernel
 U8 = npt.NDArray[np.uint8]
 Mask = npt.NDArray[np.bool_]
 MOST = 12  # that a cell counts to: what was there longer takes no longer to be doubted
+SPECK_M2 = 0.0026  # so much of a way may be unseen: no thing that counts is as small
 DOUBT = 4  # of these a frame takes away in which something stands there
 
 
@@ -63,6 +64,7 @@ class SeenFloor:
         cells = math.ceil(size_m / cell_m)
         self.low = np.floor((np.array(middle) - size_m / 2) / cell_m) * cell_m
         self.count: U8 = np.zeros((cells, cells), np.uint8)
+        self._explained: Mask = np.zeros((cells, cells), np.bool_)
         self._nodes: U8 = np.zeros((cells + 1, cells + 1), np.uint8)
         self._used = np.array([cells, cells, 0, 0])  # lowest cell that was written, and highest
 
@@ -87,6 +89,15 @@ class SeenFloor:
         touched = nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]
         count = self.count[window]
         count -= np.minimum(count, touched * np.uint8(DOUBT))
+        self._explained[window] &= touched == 0
+
+    def explain(self, polygons: Iterable[Polygon]) -> None:
+        """Floor that what stands beside it hides: free for `is_free`, until something is there."""
+        self._explained[:] = False
+        for polygon in polygons:
+            window, nodes = self._within(_ring(polygon))
+            touched = nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]
+            self._explained[window] |= touched == 1
 
     def _use(self, window: tuple[slice, slice]) -> None:
         for axis, part in enumerate(window):
@@ -126,16 +137,23 @@ class SeenFloor:
         return int(np.count_nonzero(self.is_seen())) * self.cell_m**2
 
     def is_free(self, outline: F64) -> bool:
-        """Whether all cells whose corners lie in an outline (n, 2) are seen."""
+        """Whether all cells in an outline (n, 2) are seen or explained, but for a speck."""
         window, nodes = self._within(outline)
         touched = nodes[:-1, :-1] & nodes[1:, 1:]
-        return bool((self.count[window][touched == 1] >= self._least).all())
+        is_free = (self.count[window] >= self._least) | self._explained[window]
+        return int(np.count_nonzero(touched & ~is_free)) <= SPECK_M2 / self.cell_m**2
+
+    def count_below(self, outline: F64) -> int:
+        """How many cells within an outline (n, 2) are not seen; outside of the square none is."""
+        window, nodes = self._within(outline)
+        whole = nodes[:-1, :-1] & nodes[1:, :-1] & nodes[:-1, 1:] & nodes[1:, 1:]
+        return int(np.count_nonzero(self.count[window][whole == 1] < self._least))
 
     def mask_of(self, polygons: Iterable[Polygon]) -> Mask:
         """Cells of `window` that polygons touch with a corner."""
         mask = np.zeros(self.count.shape, dtype=bool)
         for polygon in polygons:
-            window, nodes = self._within(shapely.get_coordinates(polygon.exterior)[:-1])
+            window, nodes = self._within(_ring(polygon))
             mask[window] |= (nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]) == 1
         return np.asarray(mask[self.window])
 
@@ -163,3 +181,8 @@ class SeenFloor:
         off_m = 0.71 * self.cell_m  # half a cell's diagonal
         inside = shapely.buffer(self.area(), -off_m, join_style="mitre")
         return MultiPolygon(polygons_in(shapely.make_valid(shapely.simplify(inside, off_m))))
+
+
+def _ring(polygon: Polygon) -> F64:
+    ring: F64 = shapely.get_coordinates(polygon.exterior)[:-1]
+    return ring

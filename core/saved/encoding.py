@@ -24,12 +24,18 @@ COMMENT_BYTES = len(MARK) + 2 * hashlib.sha256().digest_size
 SUFFIX = ".npy"
 LONG_AGO = (1980, 1, 1, 0, 0, 0)  # the zip format's first instant: no clock is read
 MAX_DIMENSIONS = 4
+MOST_LETTERS = 500  # of a reason
 # what zipfile and numpy raise on bytes that are none of theirs
 BROKEN = zipfile.BadZipFile, ValueError, TypeError, RuntimeError, EOFError, tokenize.TokenError
 
 
 class StateError(Exception):
-    """A saved state that can't be used, or made; the text says why."""
+    """A saved state that can't be used, or made; the text says why, and steers no terminal."""
+
+    def __init__(self, why: str) -> None:
+        """`why` may quote the file: its letters are shown as far as they can be."""
+        shown = "".join(letter if letter.isprintable() else " " for letter in why)
+        super().__init__(shown if len(shown) <= MOST_LETTERS else f"{shown[:MOST_LETTERS]}...")
 
 
 def bytes_from_arrays(arrays: Arrays) -> bytes:

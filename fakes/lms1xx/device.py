@@ -171,7 +171,7 @@ class FakeLms111(Faults):
         for client in self._clients:
             client.gone = client is not asker  # who is still to hear the answer
         self._power_up()
-        self.clock_offset_us = 0
+        self.clock_offset_us = self.first_scan = 0
         self.power_ons += 1
 
     def connect(self, now_s: float) -> Client | None:

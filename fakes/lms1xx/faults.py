@@ -36,6 +36,7 @@ class Faults:
         self.drop_rate = 0.0  # of scans, which are then missing in the scan counter
         self.drift_ppm = 0.0  # of its clock
         self.clock_offset_us = 0  # what its clock shows at power-up
+        self.first_scan = 0  # number of the first scan after Run, until it powers up again
         self.noise_m = 0.012  # 1 sigma; the sheet's statistical error
         self.offset_m = 0.0  # by which all it measures is too far; the sheet: up to 0.03
         self.max_range_m = 20.0

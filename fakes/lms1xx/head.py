@@ -132,7 +132,7 @@ class LaserHead:
         return ScanTelegram(
             status=bytes([0, faults.device_status & 0xFF]) if settled else NOT_VALID_YET,
             telegrams=self._telegrams - 1,
-            scans=sweep,
+            scans=faults.first_scan + sweep,
             scan_us=sent_us - STAMP_US,
             sent_us=sent_us,
             outputs=b"\4\0" if settled else b"\1\0",

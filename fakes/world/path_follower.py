@@ -79,14 +79,14 @@ class PathFollower:
 
         Args:
             place: x, y, yaw.
-            may_mps: 0: stand.
+            may_mps: 0: stand, or turn on the spot.
         """
         limits = self._limits
         v, w = self._wanted(place)
         v = min(v, may_mps)
-        w = w if may_mps > 0.0 else 0.0
+        w = w if may_mps > 0.0 or self._turning else 0.0
         self._v_mps = _towards(self._v_mps, v, limits.accel_mps2 * PERIOD_S)
-        if may_mps <= 0.0:
+        if may_mps <= 0.0 or (self._turning and v <= 0.0):
             self._v_mps = 0.0
         self._w_radps = _towards(self._w_radps, w, limits.turn_accel_radps2 * PERIOD_S)
         return self._v_mps, self._w_radps
@@ -99,7 +99,7 @@ class PathFollower:
             left_m = float((b - [x, y]) @ along) / length_m
             slight = self._is_slight(self._edge)
             if left_m > (0.0 if slight else ARRIVED_M):
-                return self._on_edge(place, left_m, slight)
+                return self._on_edge(place, left_m)
             self._edge += 1
             self._turning = not slight
         if self._yaw is None:
@@ -109,9 +109,7 @@ class PathFollower:
             self._yaw = None
         return 0.0, self._turn(off)
 
-    def _on_edge(
-        self, place: tuple[float, float, float], left_m: float, slight: bool
-    ) -> tuple[float, float]:
+    def _on_edge(self, place: tuple[float, float, float], left_m: float) -> tuple[float, float]:
         x, y, yaw = place
         aim = self._aim(left_m)
         off = math.remainder(math.atan2(aim[1] - y, aim[0] - x) - yaw, math.tau)
@@ -120,12 +118,25 @@ class PathFollower:
             return 0.0, self._turn(off)
         if abs(off) > ASTRAY_RAD:
             self._turning = True
-        end_mps = SLIGHT_MPS if slight else 0.0
-        slow_mps = math.sqrt(end_mps**2 + 0.8 * self._limits.accel_mps2 * max(0.0, left_m))
+        slow_mps = self._slow_mps(left_m)
         most = self._limits.turn_radps
         turn = max(-most, min(most, HEADING_PER_S * off))
         aimed_mps = self._limits.speed_mps * max(0.0, 1.0 - abs(off) / ASTRAY_RAD)
         return min(aimed_mps, max(0.05, slow_mps)), turn
+
+    def _slow_mps(self, left_m: float) -> float:
+        """So fast that it stands at the next sharp corner, and is slow at slight ones."""
+        edge, slow_mps = self._edge, self._limits.speed_mps
+        gain_mps2 = 0.8 * self._limits.accel_mps2  # of the squared speed, by metre
+        while gain_mps2 * left_m < slow_mps**2:
+            slight = self._is_slight(edge)
+            end_mps = SLIGHT_MPS if slight else 0.0
+            slow_mps = min(slow_mps, math.sqrt(end_mps**2 + gain_mps2 * max(0.0, left_m)))
+            if not slight:
+                break
+            edge += 1
+            left_m += math.dist(self._points[edge], self._points[edge + 1])
+        return slow_mps
 
     def _aim(self, left_m: float) -> F64:
         """The point of the path to head for: so far ahead that round ways are kept to.

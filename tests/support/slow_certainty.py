@@ -115,7 +115,13 @@ class SlowCertainty:
             return causes.BRINK
         if self.certainties[at] < settings.free_from:
             return causes.UNCERTAIN
-        return causes.FLOOR if len(sound) >= 6 else causes.EDGE
+        if len(sound) < 6:
+            return causes.EDGE
+        around = [other for other in self.near(at) if not self.corrupt(other)]
+        high_m = max(self.heights[other] for other in around)
+        step_m = min(settings.h_pos_m, -settings.h_neg_m)
+        beyond = high_m >= settings.h_pos_m or min(sound) <= settings.h_neg_m
+        return causes.BESIDE if beyond or high_m - self.lows[at] >= step_m else causes.FLOOR
 
 
 def groups_left(ranges: list[float], gap_m: float, least: int) -> list[float]:

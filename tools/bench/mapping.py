@@ -39,7 +39,7 @@ FINE = {"cells": 200, "cell_m": 0.01}
 FINE_METHODS = ("surface", "certainty")
 
 
-def recorded(scene: str, config: Config) -> list[bytes]:
+def recorded(scene: str, config: Config, seconds: float = SECONDS) -> list[bytes]:
     """What the maps of an app are given on a drive: pickled, for odometry and attitude go on."""
     rig, taken = Rig(scene, 1, start_delay_s=DELAY_S), list[bytes]()
     ports = MemoryPort(), MemoryPort(), MemoryPort()
@@ -54,7 +54,7 @@ def recorded(scene: str, config: Config) -> list[bytes]:
         return add(*given)
 
     app.mapper.maps.add = note  # type: ignore[method-assign, assignment]
-    for tick in range(round(SECONDS * config.loop.rate_hz)):
+    for tick in range(round(seconds * config.loop.rate_hz)):
         now_s = START_S + tick / config.loop.rate_hz
         rig.step(now_s)
         for wire in wires:

@@ -80,27 +80,45 @@ def median_ms(work: Callable[[int], Any]) -> float:
     return 1e3 * float(np.median(spent_s))
 
 
+class Line:
+    """Images of one camera, and how they become points."""
+
+    def __init__(self) -> None:
+        options = load_config(SETTINGS.read_text(encoding="utf-8")).scanner.options
+        assert isinstance(options, StripeOptions)
+        self.image_px, self.maker = options.image_px, SweepMaker(options)
+        w, h = options.image_px
+        self.decoder, self.peer = Decoder((w, h)), PlainPeer(options)
+        self._parser = MjpegParser(options.most_bytes)
+
+    def begin(self) -> None:
+        """With images there, and kernels compiled."""
+        self.maker.warm()
+        self.jpegs = images(IMAGES)
+        self._parts = [part(jpeg, 0, True) for jpeg in self.jpegs]
+        self._parser.feed(0.0, head())
+
+    def whole(self, k: int) -> None:
+        """From bytes to points."""
+        for event in self._parser.feed(0.0, self._parts[k % IMAGES]):
+            if isinstance(event, Jpeg):
+                self.maker.sweep(np.asarray(self.decoder.image(event.data)), 0.0, 0.0)
+
+    def plain(self, k: int) -> None:
+        """The same, by others' functions."""
+        self.peer.ranges_m(self.jpegs[k % IMAGES])
+
+
 def main() -> int:
-    options = load_config(SETTINGS.read_text(encoding="utf-8")).scanner.options
-    assert isinstance(options, StripeOptions)
-    w, h = options.image_px
-    decoder, maker, peer = Decoder((w, h)), SweepMaker(options), PlainPeer(options)
+    line = Line()
+    decoder, maker = line.decoder, line.maker
     if decoder.is_missing:
         print(f"mapod: {MISSING}", file=sys.stderr)
         return 1
-    maker.warm()
-    jpegs = images(IMAGES)
-    parts = [part(jpeg, 0, True) for jpeg in jpegs]
-    parser = MjpegParser(options.most_bytes)
-    parser.feed(0.0, head())
-
-    def whole(k: int) -> None:
-        for event in parser.feed(0.0, parts[k]):
-            if isinstance(event, Jpeg):
-                maker.sweep(np.asarray(decoder.image(event.data)), 0.0, 0.0)
-
+    line.begin()
+    jpegs, (w, h) = line.jpegs, line.image_px
     decoded = [np.asarray(decoder.image(jpeg)) for jpeg in jpegs]
-    ms, peer_ms = median_ms(whole), median_ms(lambda k: peer.ranges_m(jpegs[k]))
+    ms, peer_ms = median_ms(line.whole), median_ms(line.plain)
     check_ms = median_ms(lambda k: fault_of_image(jpegs[k]))
     image_ms = median_ms(lambda k: decoder.image(jpegs[k]))
     sweep_ms = median_ms(lambda k: maker.sweep(decoded[k], 0.0, 0.0))

@@ -2,30 +2,42 @@
 
 A fake camera looks at a floor with boxes, other ones for each seed. A column is right where its
 range is within 1 % or 3 mm of a place of the line that the camera sees there; wrong where it has
-any other range, or one where there is no line; and none where there is a line and no range.
+any other range, or one where there is no line; and none where there is a line and no range. Then
+the small robot of the rig drives towards a box in each light. Both with each way to find the line.
+Writes the tables of docs/terrain.md; with --quick, few seeds and no drives, which are printed.
 
-    python -m tools.experiments.stripe_light --seeds 20
+    python -m tools.experiments.stripe_light
 """
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from config_file import load_config
+from config_file import load_config, with_changes
 from fakes.scenes.scene import Scene, Solid
 from fakes.stripe.device import FakeStripe
 from fakes.stripe.jpeg import jpeg_from_image
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.trajectory import Way, stand
 from hw.device import BadFrame
+from hw.stripe.detect import Method
 from hw.stripe.images import Decoder
 from hw.stripe.options import StripeOptions
 from hw.stripe.session import LEAST_SHARE
 from hw.stripe.sweep import SweepMaker
 from tools.cli.options import ROBOTS
+from tools.experiments.terrain.report import DOCUMENT, with_tables
+from tools.rig.fault_run import Drive, course_of, harm
 
+BEGIN, END = "<!-- light: begin -->", "<!-- light: end -->"
+FINDS: tuple[Method, ...] = get_args(Method)  # ways to find the line; the paper's is "threshold"
+FULL, QUICK = 40, 2  # floors
+ROBOT = "ragno"
+AMBIENT = ("lamp", "dark", "window", "sun")
+COMES_S, WAIT_S = 3.0, 4.0  # how long another light is there in a drive; at most, after that
 EVERY_M = 0.137  # between the places of two seeds
 NEAR_SHARE, NEAR_M, BESIDE_PX = 0.01, 0.003, 1.0
 LIGHTS: dict[str, dict[str, Any]] = {
@@ -74,8 +86,9 @@ def boxes(seed: int, ahead_m: float) -> tuple[Solid, ...]:
 class Looker:
     """The camera of robots/ragno.toml, as a fake and as the driver."""
 
-    def __init__(self) -> None:
-        options = load_config(ROBOTS["ragno"].read_text(encoding="utf-8")).scanner.options
+    def __init__(self, find: Method = "peak") -> None:
+        config = load_config(ROBOTS[ROBOT].read_text(encoding="utf-8"))
+        options = with_changes(config, scanner={"find": find}).scanner.options
         assert isinstance(options, StripeOptions)
         self._decoder = Decoder((options.image_px[0], options.image_px[1]))
         self._maker = SweepMaker(options)
@@ -112,21 +125,56 @@ def judged(ranges_m: Any, columns: Any, true_m: Any, is_lit: bool) -> Columns:
     return Columns(right, wrong, none, len(ranges_m), 1, int(measured < LEAST_SHARE))
 
 
-def table(seeds: int) -> str:
-    looker = Looker()
-    rows = ["| light | right % | wrong % | none % | images in doubt |", "|---|---|---|---|---|"]
+def columns_table(seeds: int) -> Iterator[str]:
+    yield "| light | line found by | right % | wrong % | none % | images in doubt |"
+    yield "|---|---|---|---|---|---|"
+    lookers = {find: Looker(find) for find in FINDS}
     for name, light in LIGHTS.items():
-        total = sum((looker.look(seed, **light) for seed in range(seeds)), Columns())
-        shares = (100 * count / total.all for count in (total.right, total.wrong, total.none))
-        told = " | ".join(f"{share:.2f}" for share in shares)
-        rows.append(f"| {name} | {told} | {total.doubted} of {total.images} |")
-    return "\n".join(rows)
+        for find, looker in lookers.items():
+            total = sum((looker.look(seed, **light) for seed in range(seeds)), Columns())
+            shares = (100 * count / total.all for count in (total.right, total.wrong, total.none))
+            told = " | ".join(f"{share:.2f}" for share in shares)
+            yield f"| {name} | {find} | {told} | {total.doubted} of {total.images} |"
+
+
+def drive_row(ambient: str, find: Method) -> str:
+    """A drive under the lamp until another light comes for a while."""
+    begin_s = course_of(ROBOT).fault_from_s
+    end_s = begin_s + COMES_S
+    orders = [f"scanner.ambient={ambient}@{begin_s:g}s+{COMES_S:g}s"]
+    changes = {"scanner": {"find": find}}
+    one = Drive(orders, (begin_s, end_s), WAIT_S, robot=ROBOT, changes=changes).run()
+    again = "waits" if one.again_s is None else f"{one.again_s:.2f}"
+    cells = (
+        *(ambient, find, "goes on" if one.stood_s is None else f"{one.stood_s:.2f}"),
+        f"{one.blind_m:.2f}",
+        "-" if one.told_s is None else f"{one.told_s:.2f}",
+        "-" if one.stood_s is None else again,
+        "; ".join(harm(one)) or "none",
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def drives_table() -> Iterator[str]:
+    yield "| light | line found by | stands after s | driven m | told after s | sets out s | harm |"
+    yield "|---|---|---|---|---|---|---|"
+    for ambient in AMBIENT:
+        for find in FINDS:
+            yield drive_row(ambient, find)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("--seeds", type=int, default=20, help="how many floors (default: 20)")
-    print(table(parser.parse_args().seeds))
+    parser.add_argument("--quick", action="store_true", help="few floors; writes no document")
+    is_quick = parser.parse_args().quick
+    told = "\n".join(columns_table(QUICK if is_quick else FULL))
+    if is_quick:
+        print(told)
+        return
+    told = "\n".join([told, "", *drives_table()])
+    before = DOCUMENT.read_text(encoding="utf-8")
+    DOCUMENT.write_text(with_tables(before, told, (BEGIN, END)), encoding="utf-8")
+    print(f"{told}\nmapod: written to {DOCUMENT.name}")
 
 
 if __name__ == "__main__":

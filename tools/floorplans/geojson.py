@@ -61,12 +61,13 @@ def _shapes(
             raise PlanFileError(f"{where}properties: must be an object, is {shown(known)}")
         kind = str(known.get("kind", kind))
         if kind and kind not in KINDS:
-            raise PlanFileError(f"{where}properties.kind: must be of {', '.join(KINDS)}, is {kind}")
+            allowed = ", ".join(KINDS)
+            raise PlanFileError(f"{where}properties.kind: must be of {allowed}, is {shown(kind)}")
         if part.get("geometry") is not None:
             yield from _shapes(
                 part["geometry"], f"{where}geometry.", kind, str(known.get("name", ""))
             )
-    elif type_ in DEPTH:
+    elif isinstance(type_, str) and type_ in DEPTH:
         yield kind, name, _geometry(type_, list_at(part, "coordinates", where), where)
     else:
         allowed = ", ".join(["FeatureCollection", "Feature", "GeometryCollection", *DEPTH])

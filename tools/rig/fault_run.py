@@ -7,13 +7,14 @@ world's truth.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
+from config_file import with_changes
 from core.config import Config
 from core.records import FREE
 from fakes.planner_mcu.receiver import FakePlanner
@@ -150,6 +151,7 @@ class Drive:
 
     Args:
         robot: whose settings of robots/ it has; "": the shipped ones.
+        changes: of those settings, by section and key.
     """
 
     def __init__(
@@ -160,11 +162,13 @@ class Drive:
         seed: int = 1,
         scene: Scene | None = None,
         robot: str = "",
+        changes: Mapping[str, dict[str, Any]] | None = None,
     ) -> None:
         self._course = course = course_of(robot)
         scene = scene or hall(course.box_x_m, course.start_clear_m)
         self.planner = Pusher(course.speed_mps)
-        config = rig_config(scene, ROBOTS / f"{robot}.toml") if robot else None
+        config = rig_config(scene, ROBOTS / f"{robot}.toml" if robot else SHIPPED)
+        config = with_changes(config, **(changes or {}))
         self.loop = Loop(scene, seed, config, self.planner)
         self.loop.set_faults(orders)
         self._judge = Judge(scene, footprint_of(self.loop.config))

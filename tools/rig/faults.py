@@ -340,6 +340,7 @@ NO_FAULTS = {
     "scanner.encoder": "a field of the telegram that mapod does not ask for",
     "scanner.dialect_change_s": "only where a tool changes the dialect; scanner.binary is that",
     "scanner.power_ons": "a count of the device",
+    "scanner.first_scan": "where a count begins: any number is right",
     "ahrs.self_test": "told to who asks for it: tools/cli/attitude.py",
     "drive.amps_divider": "a property of the model",
     "drive.analog_v": "inputs that mapod does not ask for",

@@ -19,8 +19,9 @@ from core.objects.frame.steps import CameraPose, FrameSteps
 from core.objects.records import Floats
 from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import ObjectMap
-from core.paths.cleaning import Cleaning, CleaningSettings, Place, Task
-from core.paths.records import Machine, Segment
+from core.paths.cleaning import TURN_RAD, Cleaning, CleaningSettings, Place, Task
+from core.paths.recent_views import RecentViews
+from core.paths.records import Machine
 from core.paths.rings import joined
 from core.paths.space import polygons_in
 from core.records import F64, DepthCamera, DepthImage
@@ -39,16 +40,24 @@ FLYING_DEG = 12.0  # of a lens with so few pixels: at 3 degrees what flies less 
 LEAST_CONFIDENCE = 6554  # as the settings of the app have it
 FRAME_TICKS = 5  # 4 frames a second
 LIMITS = Limits(speed_mps=0.8, accel_mps2=0.6, turn_radps=1.2, turn_accel_radps2=2.5)
-MACHINE = Machine(radius_m=0.35, clearance_m=0.03, width_m=0.6, overlap_m=0.03)
-REACH_CLEAR_M = 0.05  # beside the clearance: floor with less room for the machine counts as none
+MACHINE = Machine(radius_m=0.35, clearance_m=0.03, width_m=0.6, overlap_m=0.02)
+REACH_CLEAR_M = 0.08  # from all that stands there: with less room for the machine it is no floor
 SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.025, size_m=90.0, seen_frames=3, start_clear_m=1.4, guard_m=0.03,
-    explained_m=0.3, sliver_m=0.06, enough=0.002, rounds=6, tries=24,
+    explained_m=0.15, sliver_m=0.06, enough=0.002, rounds=6, tries=24,
 )  # fmt: skip
 POSE_M, POSE_RAD, POSE_S = 0.01, math.radians(0.2), 10.0  # 1 sigma of the believed pose, its time
 AHEAD_M = 0.9  # of the path that is looked at: the machine stands before what is on it
 KEPT_M = MACHINE.radius_m + 0.02  # so far from the path nothing may stand
 SLACK_M = 0.005
+LAG_S, LAG_M = 0.2, 0.03  # of the way on which it comes to stand, where it heads
+ENTERED_M = (0.1, 0.3, 0.5)  # of the path: what its front is about to enter there
+VOUCHED_S, BLIND_S = 5.0, 12.0  # without a view over that it creeps; without any it stands
+CREEP_MPS = 0.15
+BLIND_TURNS = 9  # quarters on the spot in which no frame shows floor, until it gives up
+STILL_S, STILL_M, STILL_RAD = 20.0, 0.05, 0.2  # moves less in that time: it plans again
+STRAIGHT_M = 0.003  # by which the path that is followed may leave the planned one
+HALTED_MPS = 0.02  # slower is standing
 WAIT_S = 2.5  # before what passes, until another way is sought
 LOOK_S = 1.2  # at a frontier
 FIRST_FRAMES = 6  # before it sets out
@@ -78,7 +87,7 @@ class Camcorder:
     def __init__(self, world: RollingWorld, config: Config, seed: int) -> None:
         kind, mount = KINDS[MODEL], config.depth
         assert mount is not None
-        faults = Faults(MODEL)
+        self.faults = faults = Faults(MODEL)
         faults.mount_m = (mount.mount_x_m, mount.mount_y_m, mount.mount_z_m)
         faults.tilt_deg = mount.mount_tilt_deg
         self._lens, self._camera = lens_of(kind, 0), Camera(faults, kind, world.met, seed)
@@ -139,13 +148,14 @@ class HallRun:
         self.obstacles: tuple[Obstacle, ...] = ()
         self._controller = FakeAx3500(self.world, seed, "rc")
         self._follower, self._drift = PathFollower(LIMITS), Drift(seed)
-        self._camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(objects)
-        self._kinds = list[bool]()  # of the path's edges: whether they sweep
-        self._tick, self._at = 0, (0.0, 0.0, 0.0)
+        self.camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(objects)
+        self._turns = 0  # on the spot, for floor to be seen
+        self._tick, self._at, self._halts = 0, (0.0, 0.0, 0.0), False
         self._barred_s = self._arrived_s = math.inf
         self._version, self._passing = 0, list[Polygon]()
         self._checked: tuple[int, list[Polygon]] = (-1, [])
         self.truth, self._is_hit = Truth(hall), False
+        self._views, self._stood = RecentViews(VOUCHED_S), (0.0, self._at)  # since when, where
         self.world.step_to(0.0)
 
     @property
@@ -168,7 +178,7 @@ class HallRun:
             self._look(place)
         may_mps = self._may_mps(place)
         self._go_on(place, is_barred=may_mps == 0.0)
-        self._controller.command(*self._follower.power(place, may_mps))
+        self._controller.command(*self._follower.power(place, 0.0 if self._halts else may_mps))
         self._controller.exchange(self.now_s, b"")
 
     # what it sees
@@ -176,8 +186,8 @@ class HallRun:
     def _look(self, place: Place) -> None:
         known = [wall.segments for wall in self.map.walls.records()]
         told = self._steps.find(
-            self._camera.image(self.now_s),
-            self._camera.pose(place),
+            self.camera.image(self.now_s),
+            self.camera.pose(place),
             np.vstack(known) if known else np.zeros((0, 4)),
         )
         self.tally.frames += 1
@@ -188,52 +198,86 @@ class HallRun:
         self.obstacles, self._version = update.obstacles, update.version
         self._passing = [_polygon(one.polygon) for one in update.obstacles]
         self._count_people()
-        view = update.correction.frame(told.objects).view
-        self.cleaning.see(view, [*self._passing, *self._near(place)])
+        frame = update.correction.frame(told.objects)
+        self._turns = 0
+        self._views.add(self.now_s, frame.origin, frame.view)
+        walks = [one.is_moving for one in update.obstacles]  # over floor that stays as it was
+        new = [one for one, moves in zip(self._passing, walks, strict=True) if not moves]
+        self.cleaning.see(frame.view, [*new, *self._near(place, self._mapped())])
 
     def things(self) -> list[Polygon]:
         """All that is known to be somewhere, walls too."""
+        return self._mapped() + self._passing
+
+    def _mapped(self) -> list[Polygon]:
+        """What is in the map, walls too."""
         if self._checked[0] != self._version:
             found = [_polygon(one.polygon) for one in self.map.objects()]
             for wall in self.map.walls.records():
                 lines = shapely.linestrings(wall.segments.reshape(-1, 2, 2))
                 found += list(shapely.buffer(lines, 0.01, cap_style="square"))
             self._checked = self._version, found
-        return self._checked[1] + self._passing
+        return self._checked[1]
 
     # what it drives
 
     @property
     def _sweeps(self) -> bool:
-        edge = self._follower.edge
-        return self.task.goal == "sweep" and 0 <= edge < len(self._kinds) and self._kinds[edge]
+        """Whether the tool is down: where all is clean it need not be."""
+        return self.task.goal == "sweep" and self.cleaning.has_work(self._at)
 
     def _may_mps(self, place: Place) -> float:
-        """0 where something is on the path right ahead, or where the floor is not known."""
+        """0 where something is right ahead or no frame shows floor; slow where none vouches."""
         rest = self._follower.rest(place)
         if len(rest) < 2:
             return LIMITS.speed_mps
         line, here = shapely.LineString(_first(rest, AHEAD_M)), shapely.Point(place[:2])
-        for one in self._near(place):  # away from what it is too near to it may go
-            if line.distance(one) < min(KEPT_M, here.distance(one) - SLACK_M):
+        heading = _heading(place, LAG_M + LAG_S * max(0.0, self.world.speeds[0]))
+        for one in self._near(place, self.things()):  # away from what it is too near to it may go
+            most_m = here.distance(one) - SLACK_M
+            if line.distance(one) < min(KEPT_M, most_m):
                 return 0.0
-        swath = line.buffer(KEPT_M).difference(here.buffer(MACHINE.radius_m + 0.05))
+            if heading.distance(one) < min(MACHINE.radius_m, most_m):
+                return 0.0
+        swath = line.buffer(MACHINE.radius_m).difference(here.buffer(MACHINE.radius_m + 0.05))
         for part in polygons_in(swath):
             if not self.cleaning.floor.is_free(shapely.get_coordinates(part.exterior)[:-1]):
                 return 0.0
-        return LIMITS.speed_mps
+        if self.is_blind:
+            return 0.0
+        vouched = self._views.vouch(_entered(line), self.now_s)
+        return LIMITS.speed_mps if vouched else CREEP_MPS
 
-    def _near(self, place: Place) -> list[Polygon]:
+    @property
+    def is_blind(self) -> bool:
+        """Whether no frame has shown floor for long."""
+        return self.now_s - self._views.last_s > BLIND_S
+
+    def _near(self, place: Place, things: list[Polygon]) -> list[Polygon]:
         here = shapely.Point(place[:2])
-        return [one for one in self.things() if one.dwithin(here, NEAR_M)]
+        return [one for one in things if one.dwithin(here, NEAR_M)]
 
     def _go_on(self, place: Place, is_barred: bool) -> None:
         """A new task where the old one is done, or where nothing goes on."""
         self._barred_s = min(self._barred_s, self.now_s) if is_barred else math.inf
-        if self.task.goal == "look" and self._tick % 10 == 0 and self._is_seen():
+        since_s, (x, y, yaw) = self._stood
+        moved_m, turned = (
+            math.dist((x, y), place[:2]),
+            abs(math.remainder(place[2] - yaw, math.tau)),
+        )
+        if moved_m > STILL_M or turned > STILL_RAD:
+            self._stood = self.now_s, place
+        elif self.now_s - since_s > STILL_S:
+            self._stood = self.now_s, place
             return self._plan(place)
+        if self.task.goal == "look" and self._tick % 10 == 0:
+            self._halts = self._halts or self._is_seen()
+        if self._halts:
+            return self._plan(place) if abs(self.world.speeds[0]) < HALTED_MPS else None
         if self.now_s - self._barred_s > WAIT_S:
             self._barred_s = math.inf
+            if self.is_blind:
+                return self._look_round(place)
             return self._plan(place, may_look=self.task.goal == "look")
         if not self._follower.is_done or self.tally.frames < FIRST_FRAMES:
             return None
@@ -244,14 +288,21 @@ class HallRun:
             self._arrived_s = min(self._arrived_s, self.now_s)
             if self.now_s - self._arrived_s < LOOK_S:
                 return None
-        return self._plan(place)
+        return self._look_round(place) if self.is_blind else self._plan(place)
+
+    def _look_round(self, place: Place) -> None:
+        """Turn on the spot until a frame shows floor; not for ever."""
+        self._turns += 1
+        yaw, why = place[2] + TURN_RAD, "no frame shows floor"
+        self.task = Task("look" if self._turns < BLIND_TURNS else "stuck", (), yaw, why=why)
+        self._follower.follow(np.array([place[:2]]), yaw)
 
     def _is_seen(self) -> bool:
         at = self.task.viewpoint
         return at is not None and at.block not in self.cleaning.frontiers(self.things())
 
     def _plan(self, place: Place, may_look: bool = True) -> None:
-        self._arrived_s = math.inf
+        self._arrived_s, self._halts = math.inf, False
         self.tally.plans += 1
         self.task = self.cleaning.plan(place, self.things(), may_look)
         if self.task.goal in ("wait", "done", "stuck"):
@@ -259,7 +310,8 @@ class HallRun:
             self._follower.follow(np.array([place[:2]]))
             return
         points = joined([np.array([place[:2]]), *(one.points for one in self.task.segments)])
-        self._kinds = _kinds_of(points, self.task.segments)
+        way = shapely.simplify(shapely.LineString(points), STRAIGHT_M) if len(points) > 1 else None
+        points = points if way is None else shapely.get_coordinates(way)
         self._follower.follow(points, self.task.yaw)
 
     # what is true
@@ -295,10 +347,19 @@ class HallRun:
             self.tally.people_missed += not any(one.dwithin(at, 0.5) for one in self._passing)
 
 
-def _kinds_of(points: F64, segments: tuple[Segment, ...]) -> list[bool]:
-    """Whether each edge of a joined path sweeps."""
-    kinds = [kind for one in segments for kind in [one.kind == "sweep"] * (len(one.points) - 1)]
-    return [False] * (len(points) - 1 - len(kinds)) + kinds
+def _heading(place: Place, metres: float) -> shapely.LineString:
+    x, y, yaw = place
+    return shapely.LineString([(x, y), (x + metres * math.cos(yaw), y + metres * math.sin(yaw))])
+
+
+def _entered(line: shapely.LineString) -> F64:
+    """(n, 2): where the machine's front comes to as its middle goes along a line."""
+    at = np.array([s for s in ENTERED_M if s <= line.length] or [line.length])
+    ends, before = (
+        shapely.get_coordinates(shapely.line_interpolate_point(line, m)) for m in (at, at - 0.05)
+    )
+    step = ends - before
+    return ends + MACHINE.radius_m * step / np.maximum(np.hypot(*step.T), 1e-9)[:, None]
 
 
 def _first(points: F64, metres: float) -> F64:

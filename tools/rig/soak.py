@@ -38,6 +38,8 @@ MOTIONS = ((0.6, 0.0), (0.5, 0.3), (0.5, -0.3), (-0.3, 0.0), (0.0, 0.7), (0.0, -
 MOTION_S, LET_GO_S, ASK_S, VALID_S = (2.0, 6.0), 0.4, 0.1, 0.3
 BEFORE_S = 200.0  # the end of a clock is so far ahead at the begin
 BEFORE_COUNTS = 2000  # and that of the wheels' counters
+BEFORE_SCANS = 1000  # and that of the scanner's numbers: after each Run of it
+RESTARTED = 1000  # scans: who leaps by more has begun anew, and went over no end
 LOOK_TICKS = 20  # at counters
 DRIFT_S = 0.005  # of a device's clock, in the middle of what is seen over a few seconds
 WARM_LEGS = 4  # until memory is held against what it was
@@ -89,9 +91,12 @@ class Ends:
     crossed: Counter[str] = field(default_factory=Counter)
     _last: dict[str, int] = field(default_factory=dict)
 
-    def look(self, name: str, value: int, turn: int) -> None:
+    def look(self, name: str, value: int, turn: int, most: int | None = None) -> None:
+        """`most`: whoever counted more since the last look has begun anew."""
         last = self._last.get(name, value)
-        self.crossed[name] += abs(value - last) > turn // 2
+        step = min((value - last) % turn, (last - value) % turn)
+        is_count = most is None or step <= most
+        self.crossed[name] += abs(value - last) > turn // 2 and is_count
         self._last[name] = value
 
 
@@ -127,6 +132,7 @@ class Soak:
         )  # the link's clock is before its end, and so are the devices'
         rig = self.loop.rig
         rig.scanner.clock_offset_us = 2**32 - round(BEFORE_S * 1e6)
+        rig.scanner.first_scan = 2**16 - BEFORE_SCANS
         rig.ahrs.counter = 2**16 - round(100 * BEFORE_S)
         rig.drive.counter_offset = (2**31 - BEFORE_COUNTS, -(2**31) + BEFORE_COUNTS)
         self.ends, self.results = Ends(), list[LegResult]()
@@ -194,7 +200,7 @@ class Soak:
         place = self.world.pose()[:2]
         self.way_m, self._place = self.way_m + math.dist(place, self._place), place
         if scan is not None:
-            ends.look("scanner, scans", scan.counter, 2**16)
+            ends.look("scanner, scans", scan.counter, 2**16, RESTARTED)
             if isinstance(scan, Scan):
                 self._clocks[0].append(_off_s(self.world.swept_s, scan.t_s))
         self._clocks[1].append(_off_s(self.world.sampled_s, app.mapper.attitudes.newest_s))

@@ -150,7 +150,10 @@ class Server:
         socket = web.WebSocketResponse(
             max_msg_size=MOST_BYTES, heartbeat=HEARTBEAT_S, autoping=False
         )
-        await socket.prepare(request)
+        try:
+            await socket.prepare(request)
+        except ValueError:  # of aiohttp, where the key of the handshake is no ASCII
+            return web.Response(status=400, text="the key of the socket can't be")
         knows_token = self.guard.token_is_right(request.query.get("token", ""))
         if self.guard.looking_needs_token and not knows_token:
             await socket.close(code=NEEDS_TOKEN, message=b"needs the token")

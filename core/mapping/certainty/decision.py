@@ -1,7 +1,7 @@
 """What a cell means to the planner, by its elevation and certainty: the only place that decides.
 
-    unknown    without certainty, corrupt by the CAS filter; flat, but not certain enough yet, or at
-               the edge of what is known
+    unknown    without certainty, corrupt by the CAS filter; flat, but not certain enough yet, at
+               the edge of what is known, or beside an obstacle
     obstacle   at or beyond h_pos or h_neg over the ground, or higher than a cell beside it by that
                much: a brink
     free       flat, certain, and seen lately
@@ -53,6 +53,25 @@ def _is_edge(i: int, j: int, cells: Cells) -> bool:
 
 
 @kernel
+def _is_beside(at: int, i: int, j: int, cells: Cells, body: BodyPose, rules: Rules) -> bool:
+    """Whether a cell beside a world cell is an obstacle: beyond a bound, or a brink over it."""
+    cell_m, bound_m = cells.ring.cell_m, min(rules.h_pos_m, -rules.h_neg_m)
+    for n in range(9):
+        di, dj = n % 3 - 1, n // 3 - 1
+        near = index_of(i + di, j + dj, cells.ring)
+        if near < 0 or near == at or cells.certainty[near] == 0 or cells.marks[near] & CORRUPT != 0:
+            continue
+        x, y = (i + di + 0.5) * cell_m, (j + dj + 0.5) * cell_m
+        if (
+            over_ground_m(x, y, cells.height_m[near], body)[1] >= rules.h_pos_m
+            or over_ground_m(x, y, cells.low_m[near], body)[0] <= rules.h_neg_m
+            or cells.height_m[near] - cells.low_m[at] >= bound_m
+        ):
+            return True
+    return False
+
+
+@kernel
 def cause_at(
     at: int, i: int, j: int, cells: Cells, body: BodyPose, oldest_s: float, rules: Rules
 ) -> int:
@@ -73,6 +92,8 @@ def cause_at(
         return causes.UNCERTAIN
     if _is_edge(i, j, cells):
         return causes.EDGE
+    if _is_beside(at, i, j, cells, body, rules):
+        return causes.BESIDE
     return causes.FLOOR if cells.seen_s[at] >= oldest_s else causes.AGED
 
 

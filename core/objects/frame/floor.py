@@ -26,7 +26,8 @@ TRIES, SCORED = 150, 800  # hypotheses, points that judge each
 ROUNDS = 4  # of least squares
 SEED = 20_461  # the same for each frame: a replay gives the same bits
 LEVEL_BIN_M, LEVEL_BINS, LEVEL_WIDE = 0.002, 32, 3  # levels below a plane, half width of one
-LEVEL_SHARE = 0.1  # of the plane's points: so many on a lower level, and that one is the floor
+LEVEL_SHARE = 0.1  # of the plane's points: so many on a lower level, and that one is the floor,
+LEVEL_WORSE = 1.0  # if the prediction's chi^2 of it is not larger by more than that
 LEAST_POINTS = 50
 LEAST_SHARE = 0.3  # of the points in the gate must lie on the plane
 LEAST_WIDTH = 0.05  # m, one sigma of where the points lie, along both directions
@@ -190,6 +191,13 @@ def _lower_level(gated: Gated, plane: Plane, used: int, levels: I32) -> float:
     return 0.0
 
 
+@kernel
+def _off(plane: Plane, sigmas: Plane) -> float:
+    """Chi^2 of a plane by the prediction alone."""
+    a, b, c = plane[0] / sigmas[0], plane[1] / sigmas[1], plane[2] / sigmas[2]
+    return a * a + b * b + c * c
+
+
 @releasing_kernel
 def fit(
     gated: Gated, sigmas: Plane, levels: I32, N: F64, C: F64
@@ -201,7 +209,8 @@ def fit(
     drop = _lower_level(gated, plane, used, levels)
     if drop > 0.0:
         lower, sum_of_it, low = _refine(gated, (plane[0] - drop, plane[1], plane[2]), N, C)
-        if lower >= LEVEL_SHARE * used:
+        is_likely = _off(low, sigmas) <= _off(plane, sigmas) + LEVEL_WORSE
+        if is_likely and lower >= LEVEL_SHARE * used:
             used, total, plane = lower, sum_of_it, low
         else:
             used, total, plane = _refine(gated, plane, N, C)

@@ -4,11 +4,13 @@
 
 `level` frame: origin on the floor below the lens, x ahead along the optical axis, z up.
 A pixel is flying when it lies between its neighbours on one line and the surface through each
-makes less than an angle with the ray: r_0 < r < r_1 and |dr| > min(r) * pitch / tan(angle).
+makes less than an angle with the ray: r_0 < r < r_1 and |dr| > min(r) * pitch / tan(angle). So it
+is when none of the eight around it can lie on one surface with it.
 
 Source: docs/objects.md, sections 1 and 2; mixed pixels, Tuley et al. 2005, "shadow filter".
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +23,8 @@ I32 = npt.NDArray[np.int32]
 
 NOTHING, FLOOR, THING, PIT, FLYING, HIGH = 0, 1, 2, 3, 4, 5  # what a pixel is
 PAIRS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2))  # rows, columns: to both sides
+APART = 3.0 * math.sqrt(2.0)  # sigmas between two ranges of one surface, at most
+SLANT = 10.0  # a surface met at 6 degrees: so much farther apart are its points than pixels are
 PAIR_SIGMAS = 3.0 * 1.5**0.5  # of the mean of two ranges against a third
 FAN_COLUMNS = 2  # every second column of pixels is enough for the fan
 
@@ -39,6 +43,8 @@ class Limits(NamedTuple):
     steep_down: float  # and along a column
     lens_m: float  # over the floor
     dense_m: float  # range at which pixels are as far apart as they need be
+    cluster_m: float  # nearer points are one surface,
+    slant_rad: float  # and those of pixels beside each other, by range
 
 
 Nine = tuple[float, float, float, float, float, float, float, float, float]
@@ -138,7 +144,8 @@ def _kind(i: int, j: int, z: float, var: float, ranges: F32, limits: Limits) -> 
     if z > limits.top_m:
         return HIGH
     if z > 0.0:
-        return FLYING if _is_flying(ranges, i, j, limits) else THING
+        is_loose = _is_flying(ranges, i, j, limits) or _is_alone(ranges, i, j, limits)
+        return FLYING if is_loose else THING
     return PIT if z < -limits.pit_m else NOTHING
 
 
@@ -235,6 +242,23 @@ def _is_flying(ranges: F32, i: int, j: int, limits: Limits) -> bool:
     return 0 < i < rows - 1 and _is_between(
         ranges[i - 1, j], r, ranges[i + 1, j], limits.steep_down
     )
+
+
+@kernel
+def _is_alone(ranges: F32, i: int, j: int, limits: Limits) -> bool:
+    """Whether none of the pixels around one may lie on one surface with it.
+
+    At the edge of a thing before what is out of reach, a mixed range may be any.
+    """
+    rows, columns = ranges.shape
+    r: float = ranges[i, j]
+    noise = APART * sigma_m(r, limits.noise_m, limits.noise_per_m2)
+    most = max(limits.cluster_m, noise, limits.slant_rad * r)
+    for a in range(max(0, i - 1), min(rows, i + 2)):
+        for b in range(max(0, j - 1), min(columns, j + 2)):
+            if (a != i or b != j) and abs(ranges[a, b] - r) <= most:
+                return False
+    return True
 
 
 @kernel

@@ -17,7 +17,7 @@ from core.objects.frame.pixels import FAN_COLUMNS, I32, Fan, Points
 from core.objects.frame.settings import FrameSettings
 from core.objects.frame.summits import LEVELS
 from core.objects.frame.voxels import NONE, Clusters, Voxels, warp_of
-from core.objects.frame.wall_lines import BINS
+from core.objects.frame.wall_ends import BINS
 from core.records import F32, F64, DepthCamera
 
 T = TypeVar("T")

@@ -13,7 +13,17 @@ import msgspec
 import numpy as np
 
 from core.geometry import R_from_rpy
-from core.objects.frame import floor, hulls, outlines, pixels, summits, view, voxels, wall_lines
+from core.objects.frame import (
+    floor,
+    hulls,
+    outlines,
+    pixels,
+    summits,
+    view,
+    voxels,
+    wall_ends,
+    wall_lines,
+)
 from core.objects.frame.floor import GATE, SHARED, Floor
 from core.objects.frame.pixels import Leveled, Limits, Nine, Six
 from core.objects.frame.room import Room
@@ -167,6 +177,7 @@ class FrameSteps:
             settings.min_range_m, settings.max_range_m, *self._noise, settings.top_m,
             settings.floor_m, settings.pit_m, steep[0], steep[1], lens_m,
             DENSE * settings.voxel_m / max(room.across_rad, room.down_rad, 1e-6),
+            settings.cluster_m, pixels.SLANT * max(room.across_rad, room.down_rad),
         )  # fmt: skip
         covariance: Six = (*C[0].tolist(), *C[1, 1:].tolist(), float(C[2, 2]))
         R = floor.level_rotation(b, c) @ level.R
@@ -189,6 +200,7 @@ class FrameSteps:
         room.used[:count] = 0
         correction, known = self._known(room, count, level, pose, known_walls, noise)
         segments = np.vstack([known, self._new_walls(room, count, noise)])
+        wall_ends.take_end_faces(room.voxels, count, segments, settings.wall_m, room.used)
         found = self._clusters(room, (0, 1, things), count, noise)
         pits, last = int(room.points.found[1]), room.points.x.size - 1
         room.points.pixels[last - pits + 1 :] = 1
@@ -223,13 +235,17 @@ class FrameSteps:
         turn = _turn(level.yaw_rad)
         ends = (np.asarray(known_walls, np.float64).reshape(-1, 2) - level.lens[:2]) @ turn
         sigmas = float(pose.sigma_xy_m), float(pose.sigma_yaw_rad)
-        walls, gaps_m = ends.reshape(-1, 4), self._gaps_at(room, ends, noise[2])
+        walls, gaps_m = ends.reshape(-1, 4), self._gaps_at(room, ends, noise[2]).reshape(-1, 2)
+        within_m, height_m = self._settings.wall_m, self._settings.wall_height_m
         offset, C, points = wall_lines.refound(
-            room.voxels, count, walls, sigmas, self._settings.wall_m, noise, gaps_m.reshape(-1, 2),
-            room.used, room.bins,
+            room.voxels, count, walls, sigmas, within_m, noise, gaps_m, room.used, room.bins
         )  # fmt: skip
         if points == 0:
             return None, np.zeros((0, 4))
+        wall_ends.take_further(
+            room.voxels, count, walls, offset, within_m, height_m, noise, gaps_m, room.used,
+            room.bins, room.measures.low, room.measures.high,
+        )  # fmt: skip
         segments = wall_lines.stretches(room.voxels, count, walls, offset, room.used)
         whole = np.eye(3)
         whole[:2, :2] = turn
@@ -273,7 +289,7 @@ class FrameSteps:
     ) -> Floats:
         """New walls as far as they go on, also where too little of their height is seen."""
         gaps_m = self._gaps_at(room, walls.reshape(-1, 2), noise[2]).reshape(-1, 2)
-        wall_lines.grow(
+        wall_ends.grow(
             room.voxels, count, walls, np.zeros(3), self._settings.wall_m, noise, gaps_m,
             room.used, room.bins,
         )  # fmt: skip

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.frame.pixels import I32, Points
+from core.objects.frame.pixels import APART, I32, SLANT, Points
 from core.objects.frame.settings import FrameSettings
 from core.records import F32, F64
 from jit import kernel, releasing_kernel
@@ -27,9 +27,6 @@ from jit import kernel, releasing_kernel
 HALF = 1 << 19  # cells on each side of 0 that a key tells apart
 NONE = -1
 WARP_STEP_M = 0.05  # of the table of s(r) / r
-APART = 3.0 * math.sqrt(2.0)  # sigmas between two ranges of one surface, at most
-
-SLANT = 10.0  # a surface met at 6 degrees: so much farther apart are its points than pixels are
 
 
 class Voxels(NamedTuple):

@@ -19,9 +19,10 @@ import numpy as np
 from core.objects.frame.floor import GATE, SEED, SHARED
 from core.objects.frame.pixels import I32, sigma_m
 from core.objects.frame.voxels import Voxels
+from core.objects.frame.wall_ends import BINS, grow
 from core.objects.records import Floats
 from core.records import F32, F64
-from jit import kernel, releasing_kernel
+from jit import releasing_kernel
 
 TRIES = 200  # lines tried for one wall
 MOST_WALLS = 6  # new ones of a frame
@@ -29,9 +30,6 @@ GAP_M = 0.3  # longest without points, within a wall
 SHORT_M = 0.1  # shorter stretches of a known wall are not told,
 STRAIGHT_M = 1.0  # and of shorter ones no slope: noise would turn them
 ROUNDS = 4
-BINS = 256  # along a wall
-Two = tuple[float, float]
-ON, OUT = 1, 2  # bits of a bin: points on the line, points that stand out of it
 
 
 class Correction(NamedTuple):
@@ -100,79 +98,6 @@ def on_known(
         w *= 1.0 / (1.0 + (best / s) ** 2)  # Cauchy: what is far off says little
         add_row((nx, ny, turn), best, w, N, g)
     return found
-
-
-@kernel
-def _goes_on(walls: F64, k: int, end: Two, u: Two, within_m: float) -> bool:
-    """Whether another wall goes on along this line beyond an end: an opening lies between."""
-    for j in range(walls.shape[0]):
-        ax, ay, bx, by = walls[j, 0], walls[j, 1], walls[j, 2], walls[j, 3]
-        ax, ay, bx, by = ax - end[0], ay - end[1], bx - end[0], by - end[1]
-        is_aside = abs(u[0] * ay - u[1] * ax) > within_m or abs(u[0] * by - u[1] * bx) > within_m
-        if j != k and not is_aside and min(u[0] * ax + u[1] * ay, u[0] * bx + u[1] * by) > 0.0:
-            return True
-    return False
-
-
-@kernel
-def _reach(
-    voxels: Voxels, count: int, end: Two, u: Two, offset: F64, within_m: float,
-    noise: tuple[float, float, float], gap_m: float, used: I32, bins: I32,
-) -> float:  # fmt: skip
-    """How far points go on beyond an end, m: until a gap, or until something stands out."""
-    bins[:] = 0
-    for v in range(count):
-        x, y, z = voxels.x[v], voxels.y[v], voxels.z[v] - noise[2]
-        dx = x + offset[0] - offset[2] * y - end[0]
-        dy = y + offset[1] + offset[2] * x - end[1]
-        along, e = u[0] * dx + u[1] * dy, abs(u[0] * dy - u[1] * dx)
-        gate = within_m + GATE * sigma_m(math.sqrt(x * x + y * y + z * z), noise[0], noise[1])
-        at = int(2.0 * along / gap_m)
-        if along < 0.0 or at >= BINS or e > gate + gap_m:
-            continue
-        if e <= gate:
-            bins[at] |= ON
-        elif used[v] == 0:
-            bins[at] |= OUT
-    last = -1
-    for at in range(BINS):
-        if bins[at] & OUT or at - last > 2:
-            break
-        if bins[at] & ON:
-            last = at
-    return 0.5 * gap_m * (last + 1)
-
-
-@releasing_kernel
-def grow(
-    voxels: Voxels, count: int, walls: F64, offset: F64, within_m: float,
-    noise: tuple[float, float, float], gaps_m: F64, used: I32, bins: I32,
-) -> None:  # fmt: skip
-    """Lengthen walls (n, 4), in place, as far as points go on: a map has of a wall what was seen.
-
-    What stands out of the line ends it: a person in a door is no wall. But not where `used` has
-    another wall's points: a corner. Where the line goes on as another wall, it does not grow.
-
-    Args:
-        offset: (3,) dx, dy, dyaw to be added to the points.
-        gaps_m: (walls, 2) the widest gap beyond each end.
-        used: (count,) not 0: of a wall.
-        bins: (BINS,), room.
-    """
-    for k in range(walls.shape[0]):
-        for side in range(2):
-            a, b = 2 * side, 2 - 2 * side
-            end = (walls[k, a], walls[k, a + 1])
-            ux, uy = end[0] - walls[k, b], end[1] - walls[k, b + 1]
-            length = math.sqrt(ux * ux + uy * uy)
-            if length == 0.0:
-                continue
-            u = (ux / length, uy / length)
-            if _goes_on(walls, k, end, u, within_m):
-                continue
-            gap_m = gaps_m[k, side]
-            by = _reach(voxels, count, end, u, offset, within_m, noise, gap_m, used, bins)
-            walls[k, a], walls[k, a + 1] = end[0] + by * u[0], end[1] + by * u[1]
 
 
 def refound(

@@ -186,7 +186,7 @@ class DistanceField:
             *(self.mean, self.weight, near, around, other, sectors),
             (lens[0] - x0, lens[1] - y0),
             *(s.cell_m, s.band_m, float(s.confirm_frames), float(s.memory_frames)),
-            *(s.drain, min(s.band_m, 2.0 * s.pose_sigma_m)),
+            *(s.drain, s.contradiction_m),
         )
 
     def believe(self, pieces: Floats) -> None:

@@ -14,8 +14,9 @@ from core.objects.vector_map.index import Box
 from core.objects.vector_map.seen import pieces_of
 from core.objects.vector_map.settings import ObjectMapSettings
 
+LOST_SHARE = 0.2  # so much of its settled sides lies outside of its outline now: it was moved
+NO_SIDES: Floats = np.zeros((0, 4))
 VIEWS = 8  # directions from which an object can have been seen: bit 0 is from +x, counter-clockwise
-LOST_SHARE = 0.2  # so much of a settled outline carved away: it was moved
 Kind = Literal["static", "moved"]
 
 
@@ -52,6 +53,9 @@ class Mapped:
         self.frames = 0  # that placed it
         self.field: DistanceField | None = None
         self.drawn_ago = 0  # frames since the outline was drawn
+        # its finished sides (k, 4) when it had settled: those noted last, and those before them
+        self.stood = NO_SIDES, NO_SIDES
+        self.noted_ago = 0  # frames since the former were noted
 
     def awake(self) -> DistanceField:
         """Its field, made again from the outline where it has none."""
@@ -90,6 +94,7 @@ class Mapped:
     def judge(self, is_hit: bool) -> None:
         """One frame that should have shown it."""
         self.frames += 1
+        self.noted_ago += 1
         share = 1.0 / min(self.frames, self._s.memory_frames)
         self.rate += (float(is_hit) - self.rate) * share
 
@@ -101,12 +106,22 @@ class Mapped:
         s, field = self._s, self.awake()
         self.drawn_ago = 0
         outlines = polygons_of(field.values(), field.place, s.cell_m, s.least_size_m)
-        before = self.polygon
         self.polygon = outlines[0] if outlines else np.zeros((0, 2))
         self.finished = np.array([self._is_seen(k) for k in range(len(self.polygon))], dtype=bool)
-        if len(before) and len(self.polygon) and lost_share(before, self.polygon) > LOST_SHARE:
-            self.kind = "moved"
+        if len(self.polygon):
+            if lost_share(self.stood[1], self.polygon, s.contradiction_m) > LOST_SHARE:
+                self.kind = "moved"
+            if self.noted_ago >= s.memory_frames:
+                self.note()
         return [part for part in outlines[1:] if area_of(part) > s.least_size_m**2]
+
+    def note(self) -> None:
+        """Keep where it stands now, to tell by it later whether it was moved."""
+        self.stood, self.noted_ago = (self.lines(), self.stood[0]), 0
+
+    def is_another(self) -> None:
+        """It is no longer the thing that stood there: it was parted, or joined with another."""
+        self.stood, self.noted_ago = (NO_SIDES, NO_SIDES), 0
 
     def lines(self) -> Floats:
         """Its finished sides but for their ends, (k, 4) m: where they are is known."""
@@ -128,6 +143,8 @@ class Mapped:
     def shift(self, by: Floats) -> None:
         """Move it (2,) m."""
         self.polygon = self.polygon + by
+        twice = np.tile(by, 2)
+        self.stood = self.stood[0] + twice, self.stood[1] + twice
         if self.field is not None:
             self.field.place = self.field.place + by
 
@@ -155,7 +172,17 @@ def pieces_count(polygon: Floats, longest_m: float) -> np.ndarray:
     return np.asarray(np.maximum(1, np.ceil(lengths / longest_m)).astype(np.int64))
 
 
-def lost_share(before: Floats, now: Floats) -> float:
-    """Share of an outline's area that another one lacks."""
-    lost = shapely.Polygon(before).difference(shapely.Polygon(now)).area
-    return float(lost / max(area_of(before), 1e-9))
+def lost_share(sides: Floats, outline: Floats, by_m: float) -> float:
+    """Share of sides (k, 4), by length, that lies outside of an outline (n, 2) by more than that.
+
+    What was never seen of a thing does not count: it may become smaller without being moved.
+    """
+    if len(sides) == 0:
+        return 0.0
+    counts = np.maximum(1, np.ceil(np.hypot(*(sides[:, 2:] - sides[:, :2]).T) / by_m)).astype(int)
+    side = np.repeat(np.arange(len(sides)), counts)
+    number = np.arange(len(side)) - np.repeat(np.cumsum(counts) - counts, counts)
+    share = ((number + 0.5) / counts[side])[:, None]
+    points = sides[side, :2] + share * (sides[side, 2:] - sides[side, :2])
+    away = shapely.distance(shapely.Polygon(outline), shapely.points(points))
+    return float((away > by_m).mean())

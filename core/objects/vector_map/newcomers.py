@@ -2,8 +2,9 @@
 
 A thing has moved when the place of its surface was seen through, before or since: where it stood
 must be closed to rays, and where it stands must have been. That needs no shape and no speed.
-What stayed for the frames that confirm goes into the map. What has ever moved, or is as tall and
-slender as a person, has to stay longer.
+A thing has one track: parts of a walker are made one, and a track that is not seen ends where
+another one's hull covers its place. What stayed for the frames that confirm goes into the map. What
+has ever moved, or is as tall and slender as a person, has to stay longer.
 """
 
 import math
@@ -12,12 +13,15 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import shapely
 from msgspec import Struct
 
 from core.objects.records import Detection, Floats
 from core.objects.vector_map.seen import count_seen
 from core.objects.vector_map.settings import ObjectMapSettings
-from core.objects.vector_map.tracker import Track, Tracker
+from core.objects.vector_map.tracker import Measured, Track, Tracker
+
+COVERED = 0.5  # so much of a hull within another place: it is of what is there
 
 
 class Sight(NamedTuple):
@@ -97,16 +101,46 @@ class Newcomers:
 
     def add(self, at_s: float, sights: Sequence[Sight], sectors: Floats, lens: Floats) -> None:
         """One frame: what it shows that the map does not explain, and what it saw through."""
-        places = [middle_of(sight.detection.polygon) for sight in sights]
-        tracks = self._tracker.assign(at_s, places)
-        for sight, place, track in zip(sights, places, tracks, strict=True):
+        self._tracker.predict(at_s)
+        sights = self._joined(at_s, sights)
+        boxes = [Measured(middle_of(hull), np.ptp(hull, axis=0)) for hull in map(_hull, sights)]
+        tracks = self._tracker.assign(boxes)
+        for sight, box, track in zip(sights, boxes, tracks, strict=True):
             if track is None:
-                self._tracker.start(at_s, place, Newcomer(sight, self._s))
+                self._tracker.start(at_s, box, Newcomer(sight, self._s))
             else:
-                self._tracker.follow(track, at_s, place)
+                self._tracker.follow(track, at_s, box)
                 track.about.add(sight, self._s)
+        hulls = shapely.union_all([shapely.Polygon(_hull(sight)) for sight in sights])
         for track in list(self._tracker.unseen(at_s)):
-            self._maybe_drop(track, at_s, sectors, lens)
+            if self._is_covered(track, at_s, hulls):
+                self._tracker.drop(track)
+            else:
+                self._maybe_drop(track, at_s, sectors, lens)
+
+    def _joined(self, at_s: float, sights: Sequence[Sight]) -> list[Sight]:
+        """Sights, those made one that are parts of one walker: legs, and what bears them.
+
+        They lie where one that walks is, and all together they are no wider than a person.
+        """
+        left, s = list(sights), self._s
+        for track in self._tracker.tracks:
+            if not self._may_walk(track):
+                continue
+            place = shapely.Polygon(self._obstacle(track, at_s).polygon).buffer(
+                3.0 * s.track_sigma_m
+            )
+            mine = [one for one in left if _share_in(_hull(one), place) > COVERED]
+            corners = [_hull(one) for one in mine]
+            if len(mine) < 2 or np.ptp(np.vstack(corners), axis=0).max() > s.person_width_m:
+                continue
+            left = [one for one in left if not any(one is part for part in mine)]
+            left.append(_as_one(mine))
+        return left
+
+    def _is_covered(self, track: Track[Newcomer], at_s: float, hulls: shapely.Geometry) -> bool:
+        """Whether what a frame told of others lies where a track is: it is a part of them."""
+        return _share_in(self._obstacle(track, at_s).polygon, hulls) > COVERED
 
     def staying(self) -> list[Newcomer]:
         """Those that go into the map now; the owner takes them by `drop`."""
@@ -120,9 +154,12 @@ class Newcomers:
         return [
             track.about.last[-1].detection.polygon
             for track in self._tracker.tracks
-            if track.seen_s == at_s
-            and (track.about.has_moved or is_person_like(track.about.last[-1].detection, self._s))
+            if track.seen_s == at_s and self._may_walk(track)
         ]
+
+    def _may_walk(self, track: Track[Newcomer]) -> bool:
+        last = track.about.last[-1].detection
+        return track.about.has_moved or is_person_like(last, self._s)
 
     def obstacles(self, at_s: float) -> tuple[Obstacle, ...]:
         """All of them as they are told."""
@@ -152,6 +189,31 @@ class Newcomers:
         is_late = at_s - track.seen_s > self._s.coast_s
         if is_late or track.about.through_frames >= self._s.confirm_frames:
             self._tracker.drop(track)
+
+
+def _hull(sight: Sight) -> Floats:
+    return sight.detection.polygon
+
+
+def _share_in(hull: Floats, place: shapely.Geometry) -> float:
+    """Share of a hull (n, 2) that lies in a place."""
+    polygon = shapely.Polygon(hull)
+    return float(polygon.intersection(place).area / max(polygon.area, 1e-9))
+
+
+def _as_one(parts: Sequence[Sight]) -> Sight:
+    """Sights of one frame as that of one thing: the hull around them, and all their sides."""
+    around = shapely.MultiPoint(np.vstack([_hull(one) for one in parts])).convex_hull
+    hull = shapely.get_coordinates(shapely.orient_polygons(around))[:-1]
+    detections = [one.detection for one in parts]
+    whole = Detection(
+        hull,
+        min(one.bottom_m for one in detections),
+        max(one.top_m for one in detections),
+        sum(one.points for one in detections),
+    )
+    sides, is_apart = np.vstack([one.pieces for one in parts]), all(one.is_apart for one in parts)
+    return parts[0]._replace(detection=whole, pieces=sides, is_apart=is_apart)
 
 
 def middle_of(polygon: Floats) -> Floats:

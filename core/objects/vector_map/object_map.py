@@ -30,6 +30,7 @@ from core.objects.vector_map.wall_map import WallMap
 from core.objects.vector_map.walls import WallRecord
 
 OF_WALL = 0.9  # so much of an object where a wall is taken to be: it is that wall
+END_M = 0.25  # what was hardly seen and lies so near a wall's end is the wall's own end face
 COVERED = 0.5  # so much of the smaller of two objects within the other: they are one
 
 
@@ -88,6 +89,7 @@ class ObjectMap:
             mapped.polygon, mapped.finished = one.polygon, one.finished
             mapped.bottom_m, mapped.top_m, mapped.views = one.bottom_m, one.top_m, one.seen_from
             mapped.rate, mapped.frames = 1.0, round(self.settings.memory_frames)
+            mapped.stood = mapped.lines(), mapped.lines()
             self._objects[one.id] = mapped
             self._told(mapped)
         for wall in walls:
@@ -228,10 +230,11 @@ class ObjectMap:
 
     def _split(self, one: Mapped, outline: Floats) -> None:
         """Make a part of an object one of its own."""
-        part = Mapped(self._new_id(), one.first_s, self.settings, "moved")
+        part = Mapped(self._new_id(), one.first_s, self.settings, one.kind)
         part.polygon, part.finished = outline, np.ones(len(outline), dtype=bool)
         part.bottom_m, part.top_m, part.views = one.bottom_m, one.top_m, one.views
         part.frames, part.seen_s, part.rate = one.frames, one.seen_s, one.rate
+        one.is_another()
         self._objects[part.id] = part
         field = one.awake()
         field.give_away(pieces_of(outline, 1.0))
@@ -259,6 +262,7 @@ class ObjectMap:
         one.awake().take(other.awake())
         one.bottom_m, one.top_m = min(one.bottom_m, other.bottom_m), max(one.top_m, other.top_m)
         one.views |= other.views
+        one.is_another()
         self._remove(other)
         self._draw(one)
 
@@ -308,13 +312,16 @@ class ObjectMap:
         """Take away what was seen of a wall before the wall was known, and became an object.
 
         It lies where the wall is taken to be, or its middle lies on the wall. That of a thing which
-        stands before a wall does not, unless it is as thin as that place.
+        stands before a wall does not, unless it is as thin as that place. Or it is not settled yet,
+        and lies all at a wall's end: the face there, seen before the wall was.
         """
+        ends = lines.boundary.buffer(END_M)
         for number in near:
             one = self._objects.get(number)
             if one is None or not band.intersects(outline := shapely.Polygon(one.polygon)):
                 continue
             is_inside = outline.intersection(band).area > OF_WALL * outline.area
+            is_inside |= one.frames < self.settings.memory_frames and ends.contains(outline)
             if is_inside or outline.centroid.dwithin(lines, 3.0 * self.settings.hull_sigma_m):
                 self._remove(one)
 

@@ -3,13 +3,17 @@
 A Kalman filter of constant velocity for each, gates by Mahalanobis distance, and the assignment of
 least total cost. Positions in the map frame, metres; time is each frame's own.
 
+A place is the middle of a hull's box. Of a thing that is seen in part, as at the image's border, it
+is off by up to half of what the box lacks. So where the size differs by D from the last one, D / 2
+is let pass before the gate, and counts as one more sigma of the place.
+
 Source: Bar-Shalom, Li and Kirubarajan, Estimation with applications to tracking and navigation,
 2001, sections 5.2.2 and 6.2 (white noise acceleration); Kuhn, The Hungarian method, 1955.
 """
 
 import math
-from collections.abc import Iterator
-from typing import Generic, TypeVar
+from collections.abc import Iterator, Sequence
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -20,6 +24,13 @@ GATE2 = 13.8  # chi-square, 2 degrees of freedom, 0.1 %
 FIRST_SPEED_MPS = 1.5  # 1 sigma of what is seen for the first time: a person walks so fast
 OUT = 1e6  # cost of what is outside a gate
 T = TypeVar("T")
+
+
+class Measured(NamedTuple):
+    """A hull's box."""
+
+    place: Floats  # (2,) m, its middle
+    size: Floats  # (2,) m, along x and y
 
 
 class Kalman:
@@ -40,21 +51,34 @@ class Kalman:
         self.P = F @ self.P @ F.T + self._s.acceleration_mps2**2 * (G @ G.T)
         self.at_s = max(at_s, self.at_s)
 
-    def distance2(self, place: Floats) -> float:
-        """Squared Mahalanobis distance of a measured place (2,) m."""
-        off = place - self.x[:2]
-        return float(off @ np.linalg.solve(self._innovation(), off))
+    def distance2(self, place: Floats, bias_m: Floats) -> tuple[float, float]:
+        """Of a measured place (2,) m, off by a bias of up to (2,) m: for the gate, and its cost.
 
-    def correct(self, place: Floats) -> None:
+        The first is the squared Mahalanobis distance beyond the bias, the second twice the negative
+        logarithm of its likelihood, but for a constant.
+        """
+        off, S = place - self.x[:2], self._innovation(bias_m)
+        beyond = np.sign(off) * np.maximum(0.0, np.abs(off) - bias_m)
+        gated = float(beyond @ np.linalg.solve(self._innovation(np.zeros(2)), beyond))
+        return gated, float(off @ np.linalg.solve(S, off) + np.log(np.linalg.det(S)))
+
+    def correct(self, place: Floats, bias_m: Floats) -> None:
         """A measured place (2,) m; Joseph's form, so that P stays what it is."""
-        K = np.linalg.solve(self._innovation(), self.P[:2]).T
+        K = np.linalg.solve(self._innovation(bias_m), self.P[:2]).T
         self.x = self.x + K @ (place - self.x[:2])
         left = np.eye(4)
         left[:, :2] -= K
-        self.P = left @ self.P @ left.T + self._s.track_sigma_m**2 * (K @ K.T)
+        self.P = left @ self.P @ left.T + K @ self._noise(bias_m) @ K.T
 
-    def _innovation(self) -> Floats:
-        return np.asarray(self.P[:2, :2] + self._s.track_sigma_m**2 * np.eye(2))
+    def _noise(self, bias_m: Floats) -> Floats:
+        return np.diag(self._s.track_sigma_m**2 + np.square(bias_m))
+
+    def _innovation(self, bias_m: Floats) -> Floats:
+        return np.asarray(self.P[:2, :2] + self._noise(bias_m))
+
+    @property
+    def place_sigma_m(self) -> float:
+        return math.sqrt(float(max(self.P[0, 0], self.P[1, 1])))
 
     @property
     def speed_sigma_mps(self) -> float:
@@ -103,10 +127,14 @@ def assignment(cost: Floats) -> list[tuple[int, int]]:
 class Track(Generic[T]):
     """One thing that is followed; what else is known of it is its owner's."""
 
-    def __init__(self, number: int, at_s: float, place: Floats, about: T, s: ObjectMapSettings):
-        self.id, self.about = number, about
-        self.filter = Kalman(at_s, place, s)
+    def __init__(self, number: int, at_s: float, by: Measured, about: T, s: ObjectMapSettings):
+        self.id, self.about, self.size = number, about, by.size
+        self.filter = Kalman(at_s, by.place, s)
         self.first_s = self.seen_s = at_s
+
+    def bias_m(self, by: Measured) -> Floats:
+        """(2,) by how much a place may be off, for more or less of the thing is seen."""
+        return np.asarray(0.5 * np.abs(by.size - self.size))
 
 
 class Tracker(Generic[T]):
@@ -116,23 +144,36 @@ class Tracker(Generic[T]):
         self._s, self._next_id = settings, 1
         self.tracks: list[Track[T]] = []
 
-    def assign(self, at_s: float, places: list[Floats]) -> list[Track[T] | None]:
-        """The track of each measured place (2,) m, None for a new one; tracks are predicted."""
+    def predict(self, at_s: float) -> None:
+        """All tracks, to a frame's time."""
         for track in self.tracks:
             track.filter.predict(at_s)
-        cost = np.array([[track.filter.distance2(p) for track in self.tracks] for p in places])
-        found: list[Track[T] | None] = [None] * len(places)
-        for row, column in assignment(np.where(cost < GATE2, cost, OUT)):
-            if cost[row, column] < GATE2:
-                found[row] = self.tracks[column]
-        return found
 
-    def follow(self, track: Track[T], at_s: float, place: Floats) -> None:
-        track.filter.correct(place)
-        track.seen_s = at_s
+    def assign(self, found: Sequence[Measured]) -> list[Track[T] | None]:
+        """The track of each box, None for a new one; all are predicted.
 
-    def start(self, at_s: float, place: Floats, about: T) -> Track[T]:
-        track = Track(self._next_id, at_s, place, about, self._s)
+        Where a track may be anywhere within a person's width, it might as well be another's.
+        """
+        given: list[Track[T] | None] = [None] * len(found)
+        tracks = [
+            one for one in self.tracks if one.filter.place_sigma_m <= 0.5 * self._s.person_width_m
+        ]
+        if not tracks or not found:
+            return given
+        both = np.array(
+            [[one.filter.distance2(by.place, one.bias_m(by)) for one in tracks] for by in found]
+        )
+        for row, column in assignment(np.where(both[:, :, 0] < GATE2, both[:, :, 1], OUT)):
+            if both[row, column, 0] < GATE2:
+                given[row] = tracks[column]
+        return given
+
+    def follow(self, track: Track[T], at_s: float, by: Measured) -> None:
+        track.filter.correct(by.place, track.bias_m(by))
+        track.seen_s, track.size = at_s, by.size
+
+    def start(self, at_s: float, by: Measured, about: T) -> Track[T]:
+        track = Track(self._next_id, at_s, by, about, self._s)
         self._next_id += 1
         self.tracks.append(track)
         return track

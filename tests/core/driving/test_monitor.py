@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
@@ -113,6 +113,10 @@ def test_a_little_rounding_is_a_rotation() -> None:
 
 @pytest.mark.parametrize("mount", [(0.0, 0.0, 0.0), (20.0, -30.0, 50.0)])
 @given(roll_rad=st.floats(-0.7, 0.7), pitch_rad=st.floats(-0.7, 0.7))
+@example(roll_rad=0.15, pitch_rad=0.4247)
+@example(roll_rad=0.15, pitch_rad=-0.4247)
+@example(roll_rad=0.499, pitch_rad=0.0)
+@example(roll_rad=0.0, pitch_rad=-0.501)
 def test_a_body_that_leans_by_half_a_radian_is_halted_however_the_sensor_is_mounted(
     mount: tuple[float, float, float], roll_rad: float, pitch_rad: float
 ) -> None:

@@ -53,6 +53,7 @@ def test_a_drive_finds_what_it_has_seen(pose_m: float, camera: tuple[float, floa
     assert judged.missed == 0
     assert judged.fragments + judged.false <= 3
     assert np.median(judged.corners_m) < 0.03
+    assert {one.kind for one in mapper.objects.objects()} == {"static"}
 
 
 @pytest.mark.parametrize("pose_m", [0.01, 0.03])
@@ -87,6 +88,15 @@ def test_a_person_who_walks_is_always_told_and_never_in_the_map(pose_m: float) -
         told += any(one.intersection(before).area > 0.2 * before.area for one in outlines)
         assert over(mapper, walker) < 0.1
     assert told == 45
+
+
+def test_a_person_is_one_obstacle_whatever_of_him_is_seen() -> None:
+    """So near that legs and trunk come and go, and part."""
+    walker = person(-0.6, -0.9, 0.0, 0.5)
+    there, mapper = Room([walker], walls(), 0.01, 6, *CAMERAS[0]), Mapper()
+    for k in range(24):
+        [update] = watch(there, mapper, 1)
+        assert [one.id for one in update.obstacles] == [1], k
 
 
 def test_nothing_is_deleted_before_the_near_edge_of_the_view() -> None:

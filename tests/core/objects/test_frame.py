@@ -10,7 +10,17 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numba.core.dispatcher import Dispatcher
 
-from core.objects.frame import floor, hulls, outlines, pixels, summits, view, voxels, wall_lines
+from core.objects.frame import (
+    floor,
+    hulls,
+    outlines,
+    pixels,
+    summits,
+    view,
+    voxels,
+    wall_ends,
+    wall_lines,
+)
 from core.objects.frame.settings import FrameSettings
 from core.objects.frame.steps import CameraPose, FrameResult, FrameSteps
 from core.records import DepthCamera, DepthImage
@@ -123,6 +133,20 @@ def test_far_small_things_count_and_noise_does_not() -> None:
     assert found(Scene(), noise_m=0.004, lost=0.2, seed=3).objects.detections == ()
 
 
+def test_a_mixed_range_at_an_edge_before_what_is_out_of_reach_bars_no_way() -> None:
+    """Such a pixel has any range; it stood as an obstacle right before the robot."""
+    at = placed(0.6, 12.0)
+    frame = image(Scene((Box(2.5, 0.0, 0.3, 0.4, 0.0, 1.1),)), at, CAMERA)
+    numbers = frame.numbers.copy()
+    edge = np.argwhere((numbers[:, :-1] > 0) & (numbers[:, 1:] == 0))[::3]
+    assert len(edge) > 5
+    numbers[edge[:, 0], edge[:, 1] + 1] = np.linspace(1200, 7000, len(edge))
+    steps, mixed = FrameSteps(SETTINGS), DepthImage(1.5, numbers, CAMERA, 7, 1.6)
+    told = steps.find(mixed, pose(at), NO_WALLS)
+    assert len(told.objects.detections) == 1
+    assert steps.room.ranges[steps.room.kinds == pixels.THING].min() > 2.2
+
+
 @pytest.mark.parametrize("far_m", [1.0, 1.8])
 def test_a_sill_and_a_carpet_are_told_as_low_things(far_m: float) -> None:
     sill, carpet = Box(far_m, 0.0, 0.08, 0.9, 0.0, 0.015), Box(2.8, 0.0, 0.8, 0.8, 0.0, 0.012)
@@ -231,6 +255,20 @@ def test_what_stands_at_the_end_of_a_wall_and_out_of_it_is_no_wall() -> None:
     assert told.walls[:, [1, 3]].max() < -0.25
 
 
+@pytest.mark.parametrize("thick_m", [0.1, 0.3])
+def test_on_a_walls_line_a_further_piece_is_wall_and_what_stands_out_of_it_is_none(
+    thick_m: float,
+) -> None:
+    """A door between; behind both lines the end faces are seen, which are no things either."""
+    wall = Box(3.05, 1.6, 0.1, 1.8, 0.0, 1.0)
+    other = Box(3.05, -0.55, thick_m, 0.5, 0.0, 1.0)
+    known = np.array([[3.0, 0.7, 3.0, 2.5]])
+    told = found(Scene((wall, other)), placed(0.6, 15.0), walls=known).objects
+    assert bool(told.detections) == (thick_m > 0.1)
+    ends = told.walls[:, [1, 3]]
+    assert ends.min() == pytest.approx(-0.8 if thick_m == 0.1 else 0.7, abs=0.06)
+
+
 def test_walls_along_one_direction_leave_the_other_as_unsure_as_it_was() -> None:
     wall = Scene((Box(3.05, 0.0, 0.1, 5.0, 0.0, 1.0),))
     at = placed(0.6, 15.0)
@@ -324,7 +362,9 @@ def test_warming_compiles_all_that_a_frame_needs() -> None:
     FrameSteps(SETTINGS).warm()
     kernels = [
         one
-        for module in (floor, hulls, outlines, pixels, summits, view, voxels, wall_lines)
+        for module in (
+            *(floor, hulls, outlines, pixels, summits, view, voxels, wall_ends, wall_lines),
+        )
         for one in vars(module).values()
         if isinstance(one, Dispatcher)
     ]

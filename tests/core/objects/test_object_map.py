@@ -109,6 +109,27 @@ def test_what_is_moved_is_one_object_of_the_same_size_at_its_new_place(by: float
     assert np.ptp(nearest.polygon, axis=0)[1] < size[1] + 0.08  # in its new shadow, some stays
 
 
+def test_what_is_smaller_than_it_seemed_was_not_moved_and_what_left_its_place_was() -> None:
+    """Nobody had seen its far side: hulls of images reach too far there."""
+    deep, true = box(2.0, 0.0, 0.6, 0.4), box(1.85, 0.0, 0.3, 0.4)
+    objects, seen = ObjectMap(SETTINGS), World([deep]).frame(0.0, 0.0, 0.0)
+    for k in range(90):
+        whole = Detection(deep.outline, 0.0, 0.4, 500)
+        objects.update(seen._replace(at_s=0.1 * k, detections=(whole,)))
+    behind = World([true], noise=NOISE)
+    for _ in range(SEEN_S):
+        objects.update(behind.frame(4.0, 0.0, math.pi))
+        behind.walk()
+    [one] = objects.objects()
+    assert np.ptp(one.polygon, axis=0)[0] < 0.4
+    assert one.kind == "static"
+    behind.things[0] = box(1.85, 0.24, 0.3, 0.4)
+    for _ in range(SEEN_S):
+        objects.update(behind.frame(4.0, 0.0, math.pi))
+        behind.walk()
+    assert {one.kind for one in objects.objects()} == {"moved"}
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_people_are_never_in_the_map_and_always_told(seed: int) -> None:
     random = np.random.default_rng(seed)
@@ -237,6 +258,18 @@ def test_a_piece_of_a_wall_goes_when_the_wall_is_known_and_what_stands_before_it
     watch(world, objects, SEEN_S)
     [still] = objects.objects()
     assert overlap(still.polygon, before.outline) > 0.4  # half of it was seen
+
+
+@pytest.mark.parametrize(("frames", "left"), [(8, 0), (40, 1)])
+def test_a_walls_end_face_goes_when_the_wall_is_known_unless_it_has_settled(
+    frames: int, left: int
+) -> None:
+    world, objects = World([box(3.08, 1.58, 0.1, 0.1)]), ObjectMap(SETTINGS)
+    watch(world, objects, frames)
+    assert len(outlines(objects)) == 1
+    world.things, world.walls = [], np.array([[3.0, -1.5, 3.0, 1.5]])
+    watch(world, objects, SETTINGS.confirm_frames + 1)  # sooner than it was seen to be gone
+    assert len(outlines(objects)) == left
 
 
 def test_what_a_field_gives_away_is_not_drawn_as_its_own_again() -> None:

@@ -98,10 +98,43 @@ def test_what_stands_there_now_gets_no_path_and_what_was_not_seen_neither() -> N
         assert shapely.LineString(segment.points).buffer(disc_m).intersection(unseen).area < 0.05
 
 
+def test_a_gap_between_seen_floor_and_a_known_wall_is_free_and_what_is_behind_is_not() -> None:
+    machine = Jumper()
+    floor, wall = machine.cleaning.floor, shapely.box(3.03, -1.0, 3.05, 1.0)
+    floor.vouch(np.array([[0.0, -1.0], [3.0, -1.0], [3.0, 1.0], [0.0, 1.0]]))
+    gap = shapely.box(2.8, -0.8, 3.03 - SETTINGS.guard_m - 0.001, 0.8)
+    free = machine.cleaning.free([wall])
+    assert free.covers(gap)
+    assert floor.is_free(shapely.get_coordinates(gap)[:-1])
+    assert free.intersection(shapely.box(3.03, -1.0, 4.0, 1.0)).is_empty
+    assert not machine.cleaning.free([]).intersects(shapely.box(3.0, -1.0, 4.0, 1.0))
+
+
+def test_the_tool_has_work_where_floor_is_not_clean_and_no_more_behind_it() -> None:
+    machine = Jumper()
+    machine.jump((0.0, 0.0, 0.0), True)
+    machine.jump((1.0, 0.0, 0.0), True)
+    assert machine.cleaning.has_work((1.0, 0.0, 0.0))
+    assert not machine.cleaning.has_work((1.0, 0.0, math.pi))
+    assert machine.cleaning.has_work((0.5, 0.2, 0.0))
+
+
 def test_where_the_machine_has_no_room_it_waits() -> None:
     machine = Jumper()
     around = [ROOM.buffer(1.0)]
     assert machine.cleaning.plan(machine.place, around, may_look=True).goal == "wait"
+
+
+def test_much_floor_that_is_parted_off_is_waited_for_before_it_goes_home() -> None:
+    machine = Jumper()
+    machine.jump((0.0, 0.0, 0.0), False)
+    whole = shapely.get_coordinates(ROOM.exterior)[:-1]
+    machine.cleaning.floor.vouch(whole)
+    machine.cleaning.clean.vouch(whole)
+    people = [*machine.known, shapely.box(1.0, -1.5, 1.1, 2.8)]
+    task = machine.cleaning.plan(machine.place, people, may_look=False)
+    assert (task.goal, task.why) == ("look", "floor that was seen is parted off")
+    assert machine.cleaning.plan(machine.place, machine.known, may_look=False).goal == "home"
 
 
 def test_what_parts_it_from_the_dock_makes_it_stop_and_say_so() -> None:

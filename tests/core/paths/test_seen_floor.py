@@ -45,6 +45,31 @@ def test_where_something_stands_is_not_free_until_it_is_seen_again() -> None:
     assert floor.is_free(view)
 
 
+def test_what_is_explained_is_free_until_something_stands_there() -> None:
+    floor = SeenFloor((0.0, 0.0), 6.0, CELL_M, LEAST)
+    strip = shapely.box(1.0, -1.0, 1.2, 1.0)
+    ring = shapely.get_coordinates(strip)[:-1]
+    floor.explain([strip])
+    assert floor.is_free(ring)
+    assert floor.area_m2 == 0.0
+    floor.doubt(ring)
+    assert not floor.is_free(ring)
+    floor.explain([strip])
+    floor.explain([])
+    assert not floor.is_free(ring)
+
+
+def test_a_speck_that_was_not_seen_bars_no_way_and_what_counts_as_a_thing_does() -> None:
+    floor = SeenFloor((0.0, 0.0), 6.0, 0.025, LEAST)
+    view = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    inner = 0.9 * view
+    for _ in range(LEAST):
+        floor.add(view)
+    for edge_m, is_free in ((0.02, True), (0.1, False)):
+        floor.doubt(edge_m / 2 * view)
+        assert floor.is_free(inner) == is_free
+
+
 def test_outside_and_without_sense_nothing_is_free() -> None:
     floor = SeenFloor((0.0, 0.0), 2.0, CELL_M, LEAST)
     far = np.array([[5.0, 5.0], [6.0, 5.0], [6.0, 6.0]])

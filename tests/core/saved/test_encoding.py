@@ -172,6 +172,22 @@ def test_a_state_that_can_not_be_true_is_refused_with_a_reason_and_changes_nothi
     assert not mapper.continued
 
 
+@pytest.mark.parametrize(
+    "entries",
+    [
+        {"a\x1b[31m": np.zeros(1)},
+        {"settings": np.array(["map.method=\x1b[2J"])},
+        {4000 * "a": np.zeros(1)},
+    ],
+)
+def test_no_reason_steers_the_terminal_that_shows_it_or_fills_it(entries: Arrays) -> None:
+    data = bytes_from_arrays({**STATE["surface"], **entries})
+    with pytest.raises(StateError) as refused:
+        check_state(arrays_from_bytes(data), SHIPPED)
+    assert str(refused.value).isprintable()
+    assert len(str(refused.value)) < 600
+
+
 def test_a_map_made_with_other_settings_is_refused_and_the_key_named() -> None:
     for section, key, value in (
         ("map", "method", "reference_plane"),

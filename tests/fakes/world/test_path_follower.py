@@ -73,12 +73,25 @@ def test_slight_corners_one_upon_the_other_are_kept_to_within_five_centimetres(
     assert off_m(places, way) < 0.045
 
 
+def test_it_stands_at_a_sharp_corner_behind_a_short_edge() -> None:
+    way = np.array([[0.0, 0.0], [1.4, 0.0], [1.45, 0.01], [1.5, 0.03], [1.4, 0.5]])
+    places, _ = driven(way)
+    assert off_m(places, way) < 0.02
+
+
 def test_it_stands_at_once_when_it_must() -> None:
     follower = PathFollower(LIMITS)
     follower.follow(np.array([[0.0, 0.0], [5.0, 0.0]]))
     for k in range(20):
         assert follower.power((0.1 * k, 0.0, 0.0), 0.8) >= (0, 0)
     assert follower.power((2.0, 0.0, 0.0), 0.0) == (0, 0)
+
+
+def test_where_it_must_stand_it_may_turn_on_the_spot() -> None:
+    follower = PathFollower(LIMITS)
+    follower.follow(np.array([[0.0, 0.0], [0.0, 5.0]]))
+    left, right = follower.power((0.0, 0.0, 0.0), 0.0)
+    assert left == -right < 0
 
 
 def test_beside_its_edge_it_finds_back_and_does_not_turn_for_ever() -> None:

@@ -102,5 +102,7 @@ def test_make_installs_nothing_that_is_not_locked() -> None:
     free = [line for line in installs if "--require-hashes" not in line]
     assert [line.rsplit('"')[-2] for line in free] == [
         "uv>=0.9,<1",
+        "pip-audit>=2.9,<3",
+        "pyoctomap>=1.2,<2",
         "coverage-path-planner>=1.4,<2",
     ]

@@ -2,14 +2,16 @@
 
 import pytest
 
-from tools.experiments.stripe_light import LIGHTS, Columns, Looker
+from hw.stripe.detect import Method
+from tools.experiments.stripe_light import BEGIN, END, LIGHTS, Columns, Looker
+from tools.experiments.terrain.report import DOCUMENT
 
 pytest.importorskip("cv2", reason="needs OpenCV: pip install 'mapod[camera]'")
 SEEDS = range(6)
 
 
-def seen(light: str) -> Columns:
-    looker = Looker()
+def seen(light: str, find: Method = "peak") -> Columns:
+    looker = Looker(find)
     return sum((looker.look(seed, **LIGHTS[light]) for seed in SEEDS), Columns())
 
 
@@ -34,3 +36,19 @@ def test_in_the_sun_or_without_the_laser_no_line_is_invented_and_all_is_in_doubt
     columns = seen(light)
     assert (columns.right, columns.wrong) == (0, 0)
     assert columns.doubted == columns.images == len(SEEDS)
+
+
+def test_where_the_line_is_weak_the_papers_way_sees_less_of_it_and_in_the_sun_nothing() -> None:
+    ours, papers = (seen("dark", find) for find in ("peak", "threshold"))
+    assert ours.right - papers.right > 0.2 * ours.all
+    assert papers.wrong < 0.003 * papers.all
+    sun = seen("sun", "threshold")
+    assert (sun.right, sun.wrong, sun.doubted) == (0, 0, sun.images)
+
+
+def test_the_document_has_the_place_of_the_tables() -> None:
+    told = DOCUMENT.read_text(encoding="utf-8")
+    assert told.count(BEGIN) == told.count(END) == 1
+    for light in LIGHTS:
+        assert f"| {light} | threshold |" in told
+        assert f"| {light} | peak |" in told

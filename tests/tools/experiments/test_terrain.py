@@ -8,11 +8,11 @@ import pytest
 
 pytest.importorskip("cv2", reason="needs OpenCV: pip install 'mapod[camera]'")
 
-from core.records import F64, Scan
+from core.records import F64, FREE, OBSTACLE, Scan
 from fakes.scenes.solids import Solid
 from tools.experiments.terrain import scenes
 from tools.experiments.terrain.__main__ import main
-from tools.experiments.terrain.feet import FEET, feet_on, filled_figures, true_step_m
+from tools.experiments.terrain.feet import FEET, feet_on, filled_figures, freed, true_step_m
 from tools.experiments.terrain.measure import figures, truth_of, width_and_height_m
 from tools.experiments.terrain.methods import NAMES, SHADED, Region, settings_of
 from tools.experiments.terrain.pictures import BLUE, RED, WHITE, pixels_of
@@ -109,6 +109,16 @@ def test_what_is_filled_in_is_judged_by_its_own_sigma() -> None:
     assert found.rms_m == pytest.approx(0.02 / math.sqrt(2))
     assert found.off_sigmas == pytest.approx(2.0)
     assert filled_figures(measured, measured, sigma, truth).filled == 0.0
+
+
+def test_what_is_told_free_is_held_against_all_that_is_in_its_cells() -> None:
+    low = replace(BOX, x=(0.105, 0.3), z=(0.0, 0.03))  # at the bound; a face goes through cells
+    truth = truth_of(scenes.scene("box", low), REGION)
+    states = np.full(truth.low_m.shape, float(OBSTACLE))
+    states[truth.high_m > truth.low_m] = FREE
+    states[:3] = FREE
+    states[5] = np.nan
+    assert freed(states, truth) == (3 * 40 + 11, 11)
 
 
 def test_errors_are_told_by_their_size_and_what_was_not_told_is_counted() -> None:

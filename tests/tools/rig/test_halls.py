@@ -1,6 +1,7 @@
 """The table of halls: what is true of a hall, and that it goes on where it ended."""
 
 import json
+import math
 from pathlib import Path
 
 import msgspec
@@ -8,9 +9,10 @@ import numpy as np
 import pytest
 import shapely
 
+from config_file import load_config
 from fakes.scenes.halls import hall_of
 from tools.rig import halls
-from tools.rig.hall_run import MACHINE, REACH_CLEAR_M
+from tools.rig.hall_run import MACHINE, REACH_CLEAR_M, HallRun
 from tools.rig.hall_truth import Truth, band_of, gap_of, map_worth
 
 SMALL = (28.0, 30.0)
@@ -59,6 +61,15 @@ def test_a_map_of_the_truth_is_without_fault_and_a_false_object_counts() -> None
     person = np.array([[0.7, 0.0, 0.22]])
     worth = map_worth(truth, [*outlines[1:], outlines[1], ghost], person)
     assert (worth.missed, worth.false, worth.fragments, worth.of_people) == (1, 1, 1, 1)
+
+
+def test_a_machine_whose_camera_shows_no_floor_stands_and_says_so() -> None:
+    run = HallRun(hall_of(2, SMALL), load_config(halls.SHIPPED.read_text(encoding="utf-8")), 2)
+    run.camera.faults.all_invalid = True
+    while not run.is_over and run.now_s < 120.0:
+        run.step()
+    assert (run.task.goal, run.task.why) == ("stuck", "no frame shows floor")
+    assert math.hypot(*run.world.place[:2]) < 0.01
 
 
 def test_a_hall_that_was_run_before_is_read_and_not_run_again(

@@ -31,6 +31,7 @@ def test_minutes_of_driving_with_faults_cross_the_ends_of_clocks_and_counters(so
     crossed = soak.ends.crossed
     for name in (
         "scanner, microseconds",
+        "scanner, scans",
         "attitude sensor, samples",
         "link, milliseconds",
         "link, sessions",
@@ -65,6 +66,9 @@ def test_an_end_is_crossed_where_a_counter_leaps_by_more_than_half_its_turn() ->
     for value in (65000, 65535, 2, 1, 65535, 40000, 5):
         ends.look("counter", value, 2**16)
     assert ends.crossed["counter"] == 3  # over its end, back, and far down at once
+    for value in (65530, 4, 64536, 65535, 0):
+        ends.look("scans", value, 2**16, most=100)
+    assert ends.crossed["scans"] == 2  # but not where it began anew
 
 
 def test_no_hours_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -230,6 +230,21 @@ def test_a_robot_that_starts_anew_begins_an_empty_map() -> None:
     with_site(test)
 
 
+def test_a_handshake_whose_key_is_no_text_is_refused_and_no_mistake_of_ours() -> None:
+    async def test(at: Site) -> None:
+        host = at.url.removeprefix("http://")
+        reader, writer = await asyncio.open_connection(*host.split(":"))
+        lines = [
+            "GET /ws HTTP/1.1", f"Host: {host}", "Connection: Upgrade", "Upgrade: websocket",
+            "Sec-WebSocket-Version: 13", "Sec-WebSocket-Key: AAAAAAAAAAAA\xff\xff\xff\xffAAAAAA==",
+        ]  # fmt: skip
+        writer.write("\r\n".join([*lines, "", ""]).encode("latin-1"))
+        assert (await reader.readline()).startswith(b"HTTP/1.1 400 ")
+        writer.close()
+
+    with_site(test)
+
+
 def test_what_nobody_understands_gets_one_line_each_and_harms_nothing() -> None:
     async def test(at: Site) -> None:
         async with at.browser() as page:

@@ -11,10 +11,9 @@ from pathlib import Path
 
 from tools.docs.pictures import PICTURES, record
 from tools.experiments.terrain.pictures import draw_all
-from tools.experiments.terrain.report import tables, with_tables
+from tools.experiments.terrain.report import DOCUMENT, tables, with_tables
 from tools.experiments.terrain.runs import FULL, QUICK, run_all
 
-DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "terrain.md"
 DRAWN_BY = ["tools/experiments/terrain/pictures.py"]
 
 

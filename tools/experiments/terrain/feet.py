@@ -1,4 +1,4 @@
-"""What a planner of feet gets of a map: heights filled in, the best footholds; and the truth.
+"""What a planner gets of a map: heights filled in, the best footholds, free cells; and the truth.
 
 A foot stands safely where nothing under it lies higher or lower than its middle by more than a step
 of the foot that the layers of the map mean, whatever the map says of it.
@@ -12,10 +12,10 @@ import numpy as np
 from core.mapping.footing import USUAL, Ground, footing_of
 from core.mapping.layers import flat_of, maybe_values
 from core.mapping.method import Maps
-from core.records import F64
+from core.records import F64, FREE
 from fakes.scenes.scene import Scene
 from tools.experiments.terrain.measure import ARTEFACT_M, Truth, off_m, truth_of
-from tools.experiments.terrain.methods import Region, heights_m
+from tools.experiments.terrain.methods import Region, bounds_m, heights_m
 
 FEET = 10  # chosen on each map, apart from each other by two radii
 SAMPLE_M = 0.005  # of the truth under a foot
@@ -39,6 +39,13 @@ class Feet(NamedTuple):
     found: int  # of FEET
     safe: int
     worst_m: float  # largest true step under any of them; 0 where there is none
+
+
+class Freed(NamedTuple):
+    """Of the cells of one map that are told as free."""
+
+    cells: int
+    wrong: int  # of these: something in them lies at or beyond the bounds of floor
 
 
 def values_m(maps: Maps, name: str, region: Region) -> F64:
@@ -66,6 +73,14 @@ def filled_figures(measured_m: F64, told_m: F64, sigma_m: F64, truth: Truth) -> 
         float((off < -ARTEFACT_M).mean()),
         float(np.quantile(off_sigmas, SURE)),
     )
+
+
+def freed(states: F64, truth: Truth) -> Freed:
+    """Both [j, i]."""
+    low_m, high_m = bounds_m()
+    free = states == FREE
+    wrong = free & ((truth.low_m <= low_m) | (truth.high_m >= high_m))
+    return Freed(int(free.sum()), int(wrong.sum()))
 
 
 def true_step_m(scene: Scene, x_m: float, y_m: float) -> float:
@@ -115,9 +130,10 @@ def footholds_of(z_m: F64, maps: Maps, region: Region) -> F64:
 
 
 class Walked(NamedTuple):
-    """Of one map: what it fills in, by itself; and its feet, by what they are chosen."""
+    """Of one map: what it fills in, by itself, and frees; its feet, by what they are chosen."""
 
     filled: Filled
+    freed: Freed
     feet: dict[str, Feet]
 
 
@@ -139,4 +155,5 @@ def walked(maps: Maps, measured_m: F64, scene: Scene, region: Region, seed: int)
         TRUE: (footholds_of(truth.high_m, maps, region), nothing),
     }
     feet = {name: feet_on(*given, scene, region, seed) for name, given in by.items()}
-    return Walked(filled_figures(measured_m, told_m, sigma_m, truth), feet)
+    filled = filled_figures(measured_m, told_m, sigma_m, truth)
+    return Walked(filled, freed(values_m(maps, "state", region), truth), feet)

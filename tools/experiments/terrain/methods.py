@@ -131,6 +131,12 @@ def settings_of(name: str, mount: Mount, gait: Gait, cell_m: float) -> Config:
     )
 
 
+def bounds_m() -> tuple[float, float]:
+    """Of floor, lowest and highest: at and beyond them is an obstacle."""
+    obstacle = _robot("urg04lx").obstacle
+    return SMALLER * obstacle.h_neg_m, SMALLER * obstacle.h_pos_m
+
+
 def maps_of(config: Config) -> Maps:
     if config.map.method == "certainty":
         return CertaintyMaps(config)

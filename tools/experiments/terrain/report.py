@@ -1,17 +1,26 @@
 """The tables of the terrain maps, and their place in docs/terrain.md."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from core.records import F64
-from tools.experiments.terrain.feet import ALL_HEIGHTS, FEET, MEASURED, TRUE, Filled, Walked
+from tools.experiments.terrain.feet import (
+    ALL_HEIGHTS,
+    FEET,
+    MEASURED,
+    TRUE,
+    Filled,
+    Walked,
+)
 from tools.experiments.terrain.measure import Figures
 from tools.experiments.terrain.methods import NAMES, SHADED
 from tools.experiments.terrain.runs import Results
 from tools.experiments.terrain.scenes import SIZES_M, THINGS
 from tools.experiments.terrain.trials import BY_FEET
 
+DOCUMENT = Path(__file__).resolve().parents[3] / "docs" / "terrain.md"
 BEGIN, END = "<!-- tables: begin -->", "<!-- tables: end -->"
 PAPER = {"stripe": (16.5, 10.0, 3.9, 4.2), "URG-04LX": (6.8, 5.0, 2.6, 17.7)}
 
@@ -116,6 +125,15 @@ def feet_table(found: Results) -> list[str]:
     return rows
 
 
+def free_table(found: Results) -> list[str]:
+    rows = _head("ground", "body", "method", "cells told free", "of these not free", "%")
+    for ground, walk, name, runs in _by_method(found):
+        cells, wrong = np.array([run.freed for run in runs]).mean(axis=0).tolist()
+        share = f"{100 * wrong / cells:.2f}" if cells else "-"
+        rows.append(_row(ground, walk, name, f"{cells:.1f}", f"{wrong:.2f}", share))
+    return rows
+
+
 def tables(found: Results) -> str:
     """All of them, as Markdown."""
     seeds = found.seeds
@@ -125,14 +143,15 @@ def tables(found: Results) -> str:
         (f"**Rocks**: means of {seeds.rocks} seeds.", rocks_table),
         (f"**Heights filled in**: means of {seeds.rocks} seeds.", filled_table),
         (f"**Footholds**: the best ones of {seeds.rocks} seeds.", feet_table),
+        (f"**Free ground**: means of {seeds.rocks} seeds.", free_table),
     )
     return "\n\n".join("\n".join([title, "", *table(found)]) for title, table in parts)
 
 
-def with_tables(document: str, told: str) -> str:
-    """A document with other tables between its two marks; ValueError: it has not both."""
-    before, begin, rest = document.partition(BEGIN)
-    _, end, after = rest.partition(END)
+def with_tables(document: str, told: str, marks: tuple[str, str] = (BEGIN, END)) -> str:
+    """A document with other tables between two marks; ValueError: it has not both."""
+    before, begin, rest = document.partition(marks[0])
+    _, end, after = rest.partition(marks[1])
     if not (begin and end):
-        raise ValueError(f"the document must have the lines {BEGIN} and {END}")
-    return f"{before}{BEGIN}\n\n{told}\n\n{END}{after}"
+        raise ValueError(f"the document must have the lines {marks[0]} and {marks[1]}")
+    return f"{before}{begin}\n\n{told}\n\n{end}{after}"

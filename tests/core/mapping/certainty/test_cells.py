@@ -13,6 +13,7 @@ from core.grid.window import ObstacleWindow
 from core.mapping.body import BodyPose
 from core.mapping.causes import (
     AGED,
+    BESIDE,
     BRINK,
     CORRUPT,
     EDGE,
@@ -191,7 +192,8 @@ def test_a_mixed_pixel_goes_and_a_real_edge_stays() -> None:
     assert one.height(3, 0) == pytest.approx(0.3)
     assert one.cause(3, 1) == TOO_HIGH
     assert [one.cause(1, j) for j in range(-3, 4)] == [TOO_HIGH] * 7
-    assert [one.cause(0, j) for j in range(-2, 3)] == [FLOOR] * 5
+    for i, cause in ((0, BESIDE), (-1, FLOOR)):  # it may reach into the cell before it
+        assert [one.cause(i, j) for j in range(-2, 3)] == [cause] * 5
 
 
 @pytest.mark.parametrize(("h_pos_m", "h_neg_m"), [(0.1, -0.2), (0.2, -0.1)])
@@ -201,7 +203,7 @@ def test_a_brink_within_the_bounds_is_an_obstacle_on_its_higher_side_alone(
     one = Map(SlowSettings(h_pos_m=h_pos_m, h_neg_m=h_neg_m))
     for _ in range(4):
         one.add([flat(i, j, -0.05 if i > 0 else 0.05) for i, j in EVERYWHERE])
-    assert [one.cause(i, 0) for i in range(-1, 3)] == [FLOOR, BRINK, FLOOR, FLOOR]
+    assert [one.cause(i, 0) for i in range(-1, 3)] == [FLOOR, BRINK, BESIDE, FLOOR]
     one = on_floor(SlowSettings(), *((i, 2) for i in range(-3, 4)))
     for _ in range(4):
         one.add([flat(i, 2, -0.0999) for i in range(-3, 4)] + [flat(0, 0, 0.04)])
@@ -217,6 +219,18 @@ def test_one_reading_beside_it_makes_a_brink_unless_it_is_corrupt(cas: bool, cau
     assert one.cause(1, 0) == cause
 
 
+@pytest.mark.parametrize("z", [0.1, -0.1])
+def test_ground_beside_an_obstacle_is_not_free_for_it_may_reach_into_the_cell(z: float) -> None:
+    one = on_floor(SlowSettings(cas=False), (0, 0))
+    for _ in range(4):
+        one.add([flat(*at) for at in EVERYWHERE if at != (0, 0)] + [flat(0, 0, z)])
+    around = [(i, j) for i, j in EVERYWHERE if max(abs(i), abs(j)) == 1]
+    expected = {BRINK} if z < 0.0 else {BESIDE}
+    assert {one.cause(*at) for at in around} == expected
+    second = [(i, j) for i, j in EVERYWHERE if max(abs(i), abs(j)) == 2]
+    assert {one.cause(*at) for at in second} == {FLOOR}
+
+
 def test_six_known_neighbours_are_enough_however_uncertain() -> None:
     holes, ring = [(2, 2), (2, 1)], [(i, j) for i in range(3) for j in range(3)]
     for count, cause in ((2, FLOOR), (1, FLOOR), (3, EDGE)):
@@ -229,7 +243,7 @@ def test_six_known_neighbours_are_enough_however_uncertain() -> None:
 def test_the_plane_of_a_robot_that_leans_is_held_against_the_middle_of_a_cell(axis: int) -> None:
     at, slopes = ((2, 0), (0.5, 0.0)) if axis == 0 else ((0, 2), (0.0, 0.5))
     leant = LEVEL._replace(slopes=slopes)  # there it lies at 0.125
-    for z, cause in ((0.02, TOO_LOW), (0.03, FLOOR)):
+    for z, cause in ((0.02, TOO_LOW), (0.03, BESIDE)):  # the next one lies beyond the bound
         one = Map(SlowSettings(cas=False))
         for _ in range(4):
             one.add([flat(i, j, z) for i, j in EVERYWHERE])

@@ -1,22 +1,14 @@
-"""Coverage-guided fuzzing of the devices: `make fuzz`, or `python -m tools.fuzz --codec mti`.
+"""Devices as targets of the fuzzer: the codec of each with its session.
 
 An input is a little program of what a device does: bytes as they are, payloads that get a right
-frame around them (so that no checksum keeps the fuzzer out), and time that passes. It runs against
-the codec with its session. No input may raise, hang, or make the device hold more than MOST_HELD.
-The camera's images need OpenCV; where it is not installed, they are left out, and that is told.
+frame around them (so that no checksum keeps the fuzzer out), and time that passes. No input may
+raise, hang, or make the device hold more than MOST_HELD. The camera's images need OpenCV.
 """
 
-import argparse
 import dataclasses
-import gc
-import importlib
-import importlib.util
 import math
 import pickle
 import struct
-import subprocess
-import sys
-import tempfile
 import zlib
 from functools import cache
 from pathlib import Path
@@ -24,7 +16,9 @@ from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[1]
+from tools.fuzz.program import instruction
+
+ROOT = Path(__file__).resolve().parents[2]
 CODECS = ("lms111", "mti", "ax3500", "urg04lx", "stripe", "visionary", "kinect", "folder")
 NEEDS = {"stripe": "cv2"}  # a module that mapod itself does without
 RAW, FRAMED, TIME, CUT = range(4)  # what an instruction does, by the low 2 bits of its first byte
@@ -33,15 +27,8 @@ STEP_S = 0.005
 MOST_STEPS = 400  # of one input
 MOST_HELD = 200_000  # bytes of a parser and its session's stream, pickled
 KINECT_BYTES = 2 * 640 * 480  # of its frames: two of them may wait beside that
-HANG_S = 10
 SEED_S = 2.0  # of a healthy conversation, as a seed of the corpus
 MOST_INPUT = 8192
-COMPILED = ("geometry", "jpeg", "peak", "sweep", "threshold")  # holds kernels: not to be marked
-MARKED = {  # what of such modules is no kernel
-    "hw.stripe.jpeg": ("fault_of_image", "_take_in", "_fault_of_scan"),
-    "hw.visionary.depth": ("head_of", "stamp_ms_of"),
-    "hw.depth_images.png": ("numbers_of", "_chunks"),
-}
 LENS_PX = ("focal_px", "centre_px")
 IMAGE_PX, QUALITY = (64, 48), 60  # of the camera: some images fit into an input
 LINE_PX, LASER = 33.0, 10.0  # on its sensor of 640 x 480 px: seen in the small image, too
@@ -194,16 +181,6 @@ def new_fake(codec: str) -> Any:
             return FakeAx3500(TwoWheels(), 1)
 
 
-def maybe_lacks(codec: str) -> str:
-    """The module that it needs and that is not installed; "": none."""
-    module = NEEDS.get(codec, "")
-    return module if module and importlib.util.find_spec(module) is None else ""
-
-
-def instruction(kind: int, data: bytes, width: int = 0) -> bytes:
-    return bytes([kind | width << 2]) + len(data).to_bytes(2, "big") + data
-
-
 def run_program(codec: str, program: bytes) -> int:
     """One input on a fresh device; how much it measured.
 
@@ -318,62 +295,3 @@ def write_vectors(codec: str, folder: Path) -> None:
                 frame = row.split("\t")[-1].encode() + b"\r"
             name = f"{path.stem}_{number}"
             (folder / name).write_bytes(instruction(CUT, frame, 7))
-
-
-def fuzz(codec: str, seconds: int, runs: int, seed: int) -> None:
-    atheris: Any = importlib.import_module("atheris")  # no wheel for some processors, no types
-
-    compiled = [f"hw.stripe.{name}" for name in COMPILED]
-    compiled += ["hw.visionary.depth", "hw.depth_images.png"]
-    with atheris.instrument_imports(include=["hw"], exclude=compiled):
-        for device in ("ax3500", "lms1xx", "mti", "urg04lx", "stripe", "depth_images"):
-            importlib.import_module(f"hw.{device}.session")
-        importlib.import_module("hw.visionary.camera")
-    for module, names in MARKED.items():
-        for name in names:
-            atheris.instrument_func(getattr(importlib.import_module(module), name))
-
-    gc.collect()
-    gc.freeze()
-
-    def one_input(program: bytes) -> None:
-        run_program(codec, program)
-        gc.collect()  # a device is a circle, and a depth camera's has 8 MB: soon, not some time
-
-    with tempfile.TemporaryDirectory() as corpus:
-        write_seeds(codec, Path(corpus))
-        limits = [f"-max_total_time={seconds}"] if seconds else [f"-runs={runs}"]
-        options = [f"-seed={seed}", f"-max_len={MOST_INPUT}", f"-timeout={HANG_S}"]
-        options += ["-rss_limit_mb=2048", "-print_final_stats=1", "-artifact_prefix=fuzz-"]
-        atheris.Setup([sys.argv[0], *limits, *options, corpus], one_input)
-        atheris.Fuzz()
-
-
-def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tools.fuzz", description=__doc__)
-    parser.add_argument("--codec", choices=(*CODECS, "all"), default="all")
-    parser.add_argument("--seconds", type=int, default=600, help="in all; 0: by --runs")
-    parser.add_argument("--runs", type=int, default=2000, help="inputs for each codec")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--input", help="run one input again, say fuzz-crash-...")
-    options = parser.parse_args()
-    if options.input:
-        run_program(options.codec, Path(options.input).read_bytes())
-        return 0
-    if options.codec != "all":
-        fuzz(options.codec, options.seconds, options.runs, options.seed)
-    codecs = [codec for codec in CODECS if not maybe_lacks(codec)]
-    seconds = options.seconds // len(codecs)
-    common = ["--seconds", str(seconds), "--runs", str(options.runs), "--seed", str(options.seed)]
-    worst = 0
-    for codec in set(CODECS).difference(codecs):
-        print(f"mapod: {codec} is left out: it needs {maybe_lacks(codec)}", flush=True)
-    for codec in codecs:  # each in a process of its own: a fuzzer ends its process
-        print(f"mapod: fuzzing {codec}", flush=True)
-        again = [sys.executable, "-m", "tools.fuzz", "--codec", codec, *common]
-        worst = max(worst, abs(subprocess.run(again, check=False).returncode))
-    return worst
-
-
-if __name__ == "__main__":
-    sys.exit(main())

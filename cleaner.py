@@ -63,8 +63,10 @@ class Cleaner:
         self._epoch = mapper.counts.erased
         self._stepped_s = self._asked_s = -math.inf
         self._maybe_place: Place | None = None  # the newest that was told to who plans
-        self._stood_s = self._arrived_s = math.inf  # since when
-        self._maybe_barred: Barred | None = None  # what was in the way since it stands
+        self._arrived_s = math.inf  # since when it is at the path's end
+        self._gained_s = math.inf  # since when it has come no nearer to the point `_ahead`,
+        self._left_m, self._ahead = math.inf, 0  # to which so much was left
+        self._maybe_barred: Barred | None = None  # what was in the way since then
 
     def step(self, now_s: float, doubt: str, frames: int, barred: Barred | None) -> bool:
         """Take in what was planned, follow the machine, ask for what is next; whether a plan came.
@@ -98,7 +100,7 @@ class Cleaner:
         self.seen_m2, self.clean_m2 = planned.seen_m2, planned.clean_m2
         self._progress = Progress(planned.segments)
         self._arrived_s, self._maybe_barred = math.inf, None
-        self._stood_s = max(self._stood_s, planned.t_s)
+        self._gained_s, self._left_m, self._ahead = planned.t_s, math.inf, 0
         self.path = PathReport(self.path.version + 1, planned.segments, None)
 
     def _forget_motion(self) -> None:
@@ -119,8 +121,12 @@ class Cleaner:
         if before is None or _has_moved(before, place):
             if self._live is not None:
                 self._live.drive(before or place, place, sweeps)
-            self._maybe_place, self._stood_s, self._maybe_barred = place, now_s, None
-        if barred is not None:  # who drives lets go now and then
+            self._maybe_place = place
+        left_m, ahead = self._progress.left_m(place), self._progress.ahead
+        if ahead != self._ahead or left_m < self._left_m - MOVED_M:
+            self._gained_s, self._left_m, self._ahead = now_s, left_m, ahead
+            self._maybe_barred = None
+        if barred is not None:  # who drives lets go now and then, or goes back a little
             self._maybe_barred = barred
         if self._progress.is_done:
             self._arrived_s = min(self._arrived_s, now_s)
@@ -137,7 +143,7 @@ class Cleaner:
         if self._progress.is_done:
             waits_s = LOOK_S if self.goal == "look" else 0.0
             return "new" if now_s - self._arrived_s >= waits_s else ""
-        is_barred = self._maybe_barred is not None and now_s - self._stood_s >= self._wait_s
+        is_barred = self._maybe_barred is not None and now_s - self._gained_s >= self._wait_s
         return "other" if is_barred else ""
 
     def _ask(self, now_s: float, place: Place, frames: int) -> None:

@@ -33,7 +33,7 @@ class CoverageSettings(Struct, frozen=True, forbid_unknown_fields=True):
     enough: Annotated[float, Meta(ge=0, le=0.5)]  # share of the floor that may be left at the end
     rounds: Annotated[int, Meta(ge=1, le=100)]  # plans for what is left, at most
     tries: Annotated[int, Meta(ge=1, le=1000)]  # plans in a row that win no floor, then it gives up
-    wait_s: Annotated[float, Meta(ge=0.5, le=60)]  # before what bars the way, until a plan anew
+    wait_s: Annotated[float, Meta(ge=0.5, le=60)]  # barred for so long: a plan anew
 
     def __post_init__(self) -> None:
         if self.overlap_m > 0.8 * self.width_m:

@@ -3,6 +3,8 @@
 Nothing here needs the library of polygons: a replay has only this of a plan.
 """
 
+import math
+
 import numpy as np
 from msgspec import Struct
 
@@ -10,6 +12,7 @@ from core.records import F64, PathSegment
 
 PASSED_M = 0.05  # so near before the end of an edge it counts as passed,
 ASIDE_M = 0.30  # if the machine is no farther to the side of it
+TURN_M = 0.35  # of way that a radian of turning is worth
 STUBBY_M = 1e-4  # edges that are shorter are passed at once
 Place = tuple[float, float, float]  # x, y, yaw; map frame
 
@@ -43,6 +46,15 @@ class Progress:
     def sweeps(self) -> bool:
         """Whether the tool works where the machine is now."""
         return not self.is_done and self.is_on_path and self._sweeps[self.ahead]
+
+    def left_m(self, place: Place) -> float:
+        """To the point that it drives to, and what it has to turn towards it, as metres."""
+        if self.is_done:
+            return 0.0
+        x, y, yaw = place
+        dx, dy = (self._points[self.ahead] - (x, y)).tolist()
+        off_rad = math.remainder(math.atan2(dy, dx) - yaw, math.tau)
+        return math.hypot(dx, dy) + TURN_M * abs(off_rad)
 
     def step(self, x_m: float, y_m: float) -> None:
         """The machine is there now."""

@@ -83,6 +83,8 @@ def test_progress_goes_on_by_what_was_passed_and_not_from_aside() -> None:
     way = PathSegment(False, corner[:2]), PathSegment(True, corner[1:])
     progress = Progress(way)
     assert (progress.ahead, progress.is_done) == (1, False)
+    assert progress.left_m((0.5, 0.0, 0.0)) < progress.left_m((0.5, 0.0, 0.3))
+    assert progress.left_m((0.5, 0.0, 0.3)) < progress.left_m((0.3, 0.0, 0.0))
     progress.step(0.5, 0.1)
     assert (progress.ahead, progress.sweeps) == (1, False)
     progress.step(1.2, 0.5)  # by another way

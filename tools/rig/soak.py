@@ -32,6 +32,8 @@ from tools.rig.loop import Loop, rig_config
 LEG_S, FAULTY_S = 60.0, 25.0  # a leg, and until when its faults begin
 FAULTS = 2  # of a leg
 RECOVERS_S = 60.0  # at most, after a leg
+LOOKED_S = 2.0  # at the clocks, once all is well
+FREED_EVERY_S = 5.0  # a stalled robot, at most
 WELL = 0x7F  # health bits 0 to 6
 CODE = np.array([0, 2, 1], np.uint8)  # of the app's states 0, 1, -1 on the link
 MOTIONS = ((0.6, 0.0), (0.5, 0.3), (0.5, -0.3), (-0.3, 0.0), (0.0, 0.7), (0.0, -0.7))
@@ -157,23 +159,31 @@ class Soak:
         self.loop.set_faults(())
         self.loop.happened.clear()
         ended_s = self.loop.now_s
-        if self.loop.app.pilot.stalled:  # until somebody pushes the robot, or does this
-            self.loop.rig.drive.reset(self.loop.now_s)
-            self.resets += 1
-        while not self._is_well() and self.loop.now_s - ended_s < RECOVERS_S:
-            self._run(0.1)
+        self._recover(ended_s + RECOVERS_S)
         self._clocks = [[], []]
-        self._run(2.0)
+        self._run(LOOKED_S)
+        if self.loop.app.pilot.stalled:  # it ran into something meanwhile, which is no complaint
+            self._recover(self.loop.now_s + RECOVERS_S)
         scanner_s, ahrs_s = (float(np.median(errors or [np.nan])) for errors in self._clocks)
         return LegResult(
             number,
             faults,
             tuple(self._complaints(scanner_s, ahrs_s)),
-            self.loop.now_s - ended_s - 2.0,
+            self.loop.now_s - ended_s - LOOKED_S,
             (scanner_s, ahrs_s),
             resident_mb(),
             self.way_m,
         )
+
+    def _recover(self, until_s: float) -> None:
+        """Let all be well again; a robot that is stalled is freed as by a person."""
+        freed_s = -math.inf
+        while not self._is_well() and self.loop.now_s < until_s:
+            if self.loop.app.pilot.stalled and self.loop.now_s - freed_s > FREED_EVERY_S:
+                freed_s = self.loop.now_s
+                self.loop.rig.drive.reset(freed_s)
+                self.resets += 1
+            self._run(0.1)
 
     def _run(self, seconds: float) -> None:
         for _ in range(round(seconds * self.loop.config.loop.rate_hz)):

@@ -18,6 +18,7 @@ import shapely
 from core.objects.frame.settings import FrameSettings
 from core.objects.frame.steps import CameraPose, FrameResult, FrameSteps
 from core.objects.records import Floats
+from core.objects.vector_map.mapped import MapObject
 from core.objects.vector_map.object_map import MapUpdate, ObjectMap
 from core.records import F64, DepthCamera, DepthImage
 from jit import kernel
@@ -32,6 +33,7 @@ STEPS = FrameSettings(
     least_m=0.05, hull_m=0.015, wall_m=0.06, wall_length_m=1.0, wall_height_m=0.5, summit_m=0.2,
 )  # fmt: skip
 SAME, TRUE_PART = 0.5, 0.8  # overlap of an object with its truth; share of a part that lies in it
+ROUND = 0.8  # of an outline's length is finished sides: the thing was seen all around
 SEEN_PX, SEEN_FRAMES = 60, 20  # a thing met by so many rays, in so many frames, was seen
 
 
@@ -263,12 +265,14 @@ class Judged(NamedTuple):
     fragments: int  # further objects of a thing that has one
     false: int  # of no thing
     corners_m: list[float]
-    areas: list[float]  # errors, as shares
+    areas: list[float]  # errors, as shares,
+    round_areas: list[float]  # and of those seen all around
 
 
 def judge(room: Room, objects: ObjectMap, gone: tuple[Thing, ...] = ()) -> Judged:
     """Each thing that was seen has one object; what lies on none is false, as are fragments."""
-    found = [shapely.Polygon(one.polygon) for one in objects.objects()]
+    mapped = objects.objects()
+    found = [shapely.Polygon(one.polygon) for one in mapped]
     things = [one for one in room.things if one not in gone and one.velocity == (0.0, 0.0)]
     truths = [shapely.Polygon(one.outline()) for one in things]
     owner = [
@@ -280,7 +284,8 @@ def judge(room: Room, objects: ObjectMap, gone: tuple[Thing, ...] = ()) -> Judge
         for one, k in zip(found, owner, strict=True)
     ]
     seen = [k for k, one in enumerate(things) if one.frames >= SEEN_FRAMES]
-    missed, fragments, corners, areas = 0, 0, list[float](), list[float]()
+    missed, fragments, corners = 0, 0, list[float]()
+    areas, round_areas = list[float](), list[float]()
     for k in seen:
         mine = [one for one, o, bad in zip(found, owner, false, strict=True) if o == k and not bad]
         missed, fragments = missed + (not mine), fragments + max(0, len(mine) - 1)
@@ -289,7 +294,15 @@ def judge(room: Room, objects: ObjectMap, gone: tuple[Thing, ...] = ()) -> Judge
             outline = np.asarray(best.exterior.coords)[:-1]
             corners += corner_errors(things[k].outline(), outline).tolist()
             areas.append(best.area / truths[k].area - 1.0)
-    return Judged(len(seen), missed, len(found), fragments, sum(false), corners, areas)
+            if finished_share(mapped[found.index(best)]) >= ROUND:
+                round_areas.append(areas[-1])
+    return Judged(len(seen), missed, len(found), fragments, sum(false), corners, areas, round_areas)
+
+
+def finished_share(one: MapObject) -> float:
+    """Share of an outline's length that is finished sides."""
+    lengths = np.hypot(*(np.roll(one.polygon, -1, axis=0) - one.polygon).T)
+    return float(lengths[one.finished].sum() / lengths.sum())
 
 
 def drive(room: Room, mapper: Mapper, frames: int, turns: float) -> None:
@@ -306,8 +319,8 @@ CAMERAS = ((0.7, 15.0), (0.9, 25.0), (1.2, 35.0))  # height in m, degrees down
 
 
 HEAD = """| pose | camera | things | recall | precision | pieces + false | corner mm, 90 % |\
- area %, 90 % | ms of CPU |
-|---|---|---|---|---|---|---|---|---|"""
+ area %, 90 %, mean | seen round | ms of CPU |
+|---|---|---|---|---|---|---|---|---|---|"""
 
 
 def row(pose_m: float, camera: tuple[float, float], seeds: range, frames: int) -> str:
@@ -321,7 +334,9 @@ def row(pose_m: float, camera: tuple[float, float], seeds: range, frames: int) -
     things, missed = sum(one.things for one in judged), sum(one.missed for one in judged)
     extra = sum(one.fragments + one.false for one in judged)
     corners = 1000.0 * np.array([error for one in judged for error in one.corners_m])
-    areas = 100.0 * np.abs([error for one in judged for error in one.areas])
+    areas = 100.0 * np.array([error for one in judged for error in one.areas])
+    whole = 100.0 * np.abs([error for one in judged for error in one.round_areas])
+    of_whole = f"{np.median(whole):.0f} ({len(whole)})" if len(whole) else "none"
     hits = things - missed
     find, update = (
         1000.0 * float(np.median([ms for one in mappers for ms in getattr(one, name)[10:]]))
@@ -332,7 +347,8 @@ def row(pose_m: float, camera: tuple[float, float], seeds: range, frames: int) -
         f" {hits / max(1, things):.2f} | {hits / max(1, hits + extra):.2f} |"
         f" {sum(one.fragments for one in judged)} + {sum(one.false for one in judged)} |"
         f" {np.median(corners):.0f}, {np.percentile(corners, 90):.0f} |"
-        f" {np.median(areas):.0f}, {np.percentile(areas, 90):.0f} | {find:.1f} + {update:.1f} |"
+        f" {np.median(np.abs(areas)):.0f}, {np.percentile(np.abs(areas), 90):.0f},"
+        f" {areas.mean():+.0f} | {of_whole} | {find:.1f} + {update:.1f} |"
     )
 
 

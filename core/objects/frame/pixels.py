@@ -252,6 +252,8 @@ def _is_alone(ranges: F32, i: int, j: int, limits: Limits) -> bool:
     """
     rows, columns = ranges.shape
     r: float = ranges[i, j]
+    if j > 0 and abs(ranges[i, j - 1] - r) <= limits.cluster_m:
+        return False  # nearly all
     noise = APART * sigma_m(r, limits.noise_m, limits.noise_per_m2)
     most = max(limits.cluster_m, noise, limits.slant_rad * r)
     for a in range(max(0, i - 1), min(rows, i + 2)):

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from core.objects.records import Floats
 from core.objects.vector_map.seen import pieces_of, sees
 from core.objects.vector_map.settings import ObjectMapSettings
-from jit import kernel
+from jit import kernel, releasing_kernel
 
 Cells = NDArray[np.float32]
 Winding = NDArray[np.int8]
@@ -26,7 +26,7 @@ FAR = 1e9
 NONE = np.zeros((0, 5))
 
 
-@kernel
+@releasing_kernel
 def _nearest(pieces: Floats, x0: float, y0: float, cell: float, band: float, near: Cells) -> None:
     """Distances (3, ny, nx) to the nearest piece: [0] of all of them, [1] of those seen.
 
@@ -56,7 +56,7 @@ def _nearest(pieces: Floats, x0: float, y0: float, cell: float, band: float, nea
                     near[2, j, i] = distance
 
 
-@kernel
+@releasing_kernel
 def _wind(pieces: Floats, x0: float, y0: float, cell: float, around: Winding) -> None:
     """Fills (ny, nx): how often the closed lines of the pieces run around each cell."""
     ny, nx = around.shape
@@ -80,7 +80,7 @@ def _wind(pieces: Floats, x0: float, y0: float, cell: float, around: Winding) ->
             around[j, i] = total
 
 
-@kernel
+@releasing_kernel
 def _vote(
     mean: Cells,
     weight: Cells,
@@ -110,7 +110,9 @@ def _vote(
                 value = min(near[0, j, i], band)
             else:
                 if near[0, j, i] < band and weight[j, i] < 0.5 * most:
-                    weight[j, i] *= 1.0 - 1.0 / most  # at a hidden side, what was seen rarely fades
+                    weight[j, i] *= (
+                        1.0 - 1.0 / confirm
+                    )  # at a hidden side, what rarely was in a hull
                 continue
             was = mean[j, i] < 0.0 and weight[j, i] >= confirm
             if weight[j, i] >= 1.0 and abs(value - mean[j, i]) > gate:

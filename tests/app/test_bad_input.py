@@ -29,7 +29,15 @@ from tests.support.plain_user import as_plain_user
 from tests.support.shipped import TEXT, shipped
 from tools.cli.command import main
 
-OPTIONAL = "motion", "certainty", "shadow_filter", "depth", "objects", "object_map", "coverage"  # sections
+OPTIONAL = (
+    "motion",
+    "certainty",
+    "shadow_filter",
+    "depth",
+    "objects",
+    "object_map",
+    "coverage",
+)  # sections
 PROCESSES = (  # the same as real processes
     ("run --config /dev/zero", "must be at most 1000000 bytes long, is longer"),
     ("link-test --port udp://127.0.0.1:1 --gap-ms -5", "--gap-ms: must be from 0 to 1000"),

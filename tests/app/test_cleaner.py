@@ -47,7 +47,7 @@ def test_a_path_is_planned_told_driven_held_back_in_doubt_and_replayed_to_the_bi
     def go(seconds: float) -> None:
         loop.run(seconds, lambda: driving.step(loop.now_s))
 
-    go(6.0)
+    go(5.2)
     told = loop.planner.vectors.path
     meant = np.vstack([one.points_m for one in cleaner.path.segments])
     assert cleaner.goal == "look"

@@ -123,7 +123,7 @@ def test_heights_of_boxes_that_the_line_passes_over_are_true_to_five_millimetres
         assert (states[np.ix_(rows, columns)] == OBSTACLE).all()
     before = heights_m[np.ix_(np.abs(y_m) < 0.2, (x_m > 0.95) & (x_m < 1.4))]
     assert np.abs(before).max() < 0.005
-    assert (states == FREE).sum() > 150
+    assert (states == FREE).sum() > 120  # `certainty` frees nothing beside the boxes
     assert loop.scanner.status.rejected == 0
 
 

@@ -182,7 +182,8 @@ def test_bad_images_are_counted_take_free_back_and_are_told(
     assert loop.is_seeing()
 
 
-@pytest.mark.parametrize("is_unplugged", few([True, False], 1))
+@pytest.mark.slow
+@pytest.mark.parametrize("is_unplugged", [True, False])
 def test_a_camera_that_vanishes_takes_free_back_and_is_seen_again(is_unplugged: bool) -> None:
     loop = begun()
     wire = loop.wires["scanner"]

@@ -162,6 +162,7 @@ def test_a_chair_leg_splits_lanes_and_not_the_hall() -> None:
     assert with_leg.covered_of_reachable > 0.98
 
 
+@pytest.mark.slow
 @example(seed=0)
 @settings(max_examples=examples(2), deadline=None)
 @given(seed=st.integers(0, 10**6))

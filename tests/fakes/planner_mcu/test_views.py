@@ -58,6 +58,7 @@ def test_it_looks_from_farther_off_at_ground_that_the_line_has_passed(
     assert "goes to where the ground ahead can be seen" in whys
 
 
+@pytest.mark.slow
 def test_where_the_line_lies_farther_off_than_on_level_ground_it_goes_back_farther_yet() -> None:
     bench = corridor(6500)
     for _ in range(3600):

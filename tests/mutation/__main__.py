@@ -2,19 +2,23 @@
 
 `python -m tests.mutation` takes all, `--count 40 --seed 1` a sample, `--only PATH` one file. Exit
 status 1 where a mutant lives that `equivalent` does not list, or where one listed there is none.
-All runs in copies of one process that has collected the tests, the quickest test first; kernels
-run as Python.
+All runs in copies of one process that has collected the tests: first what is quick and has seen
+many mutants; kernels run as Python.
 """
 
 import argparse
+import gc
 import importlib
 import json
+import mmap
 import os
 import random
 import signal
+import struct
 import sys
 import time
 import types
+from collections import Counter
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
@@ -63,6 +67,12 @@ class Hunt:
         self.chosen, self.jobs, self.tests_of = chosen, jobs, TESTS_OF
         self.seconds: dict[str, float] = {}
         self.living: list[str] = []
+        self._saw = mmap.mmap(-1, 4 * len(chosen))  # by mutant: which test saw it; copies share it
+        self._seen_by = Counter[str]()  # mutants, by test
+
+    def pytest_configure(self, config: pytest.Config) -> None:
+        """Nobody reads how a test failed: that would take longer than most tests."""
+        config.option.tbstyle = "no"
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: pytest.Item) -> Generator[None, object, object]:
@@ -79,8 +89,10 @@ class Hunt:
         self.seconds = self._seconds_without(session)
         if not self.seconds:
             raise session.Failed("a test fails without any mutant")
-        under_way: dict[int, Mutant] = {}
-        for done, (mutant, lives) in enumerate(self._judged(session, under_way), 1):
+        gc.freeze()  # a copy that collects would copy all pages
+        under_way: dict[int, tuple[int, list[pytest.Item]]] = {}
+        for done, (number, lives) in enumerate(self._judged(session, under_way), 1):
+            mutant = self.chosen[number]
             if lives:
                 self.living.append(mutant.name)
             if lives or done % TOLD_EVERY == 0:
@@ -100,40 +112,47 @@ class Hunt:
         return seconds
 
     def _judged(
-        self, session: pytest.Session, under_way: dict[int, Mutant]
-    ) -> Iterator[tuple[Mutant, bool]]:
-        for mutant in [*self.chosen, *[None] * self.jobs]:
+        self, session: pytest.Session, under_way: dict[int, tuple[int, list[pytest.Item]]]
+    ) -> Iterator[tuple[int, bool]]:
+        for number in range(len(self.chosen) + self.jobs):
+            mutant = self.chosen[number] if number < len(self.chosen) else None
             if mutant is not None:
                 items = [
                     i for i in session.items if _file(i).startswith(self.tests_of[mutant.path])
                 ]
-                items.sort(key=lambda item: self.seconds[item.nodeid])
-                under_way[self._fork(session, items, mutant, None)] = mutant
+                items.sort(key=lambda i: self.seconds[i.nodeid] / (1 + self._seen_by[i.nodeid]))
+                under_way[self._fork(session, items, number, None)] = number, items
             if under_way and (mutant is None or len(under_way) == self.jobs):
                 pid, status = os.wait()
-                yield under_way.pop(pid), status == 0
+                judged, ran = under_way.pop(pid)
+                [seen_by] = struct.unpack_from("i", self._saw, 4 * judged)
+                if seen_by > 0:
+                    self._seen_by[ran[seen_by - 1].nodeid] += 1
+                yield judged, status == 0
 
     def _fork(
         self,
         session: pytest.Session,
         items: list[pytest.Item],
-        mutant: Mutant | None,
+        number: int | None,
         writer: int | None,
     ) -> int:
         """Run tests in a copy of this process, until one fails; its process id."""
         sys.stdout.flush()
         if pid := os.fork():
             return pid
-        status = 1
+        status, mutant = 1, None if number is None else self.chosen[number]
         try:
             if mutant is not None:
                 put_in(mutant)
-            for item, then in zip(items, [*items[1:], None], strict=True):
+            for k, (item, then) in enumerate(zip(items, [*items[1:], None], strict=True), 1):
                 if mutant is not None:
                     limit_s = LEAST_S + PATIENCE * self.seconds[item.nodeid]
                     signal.setitimer(signal.ITIMER_PROF, limit_s)
                 item.config.hook.pytest_runtest_protocol(item=item, nextitem=then)
                 if session.testsfailed:
+                    if number is not None:
+                        struct.pack_into("i", self._saw, 4 * number, k)
                     break
             status = 1 if session.testsfailed else 0
             if writer is not None and status == 0:

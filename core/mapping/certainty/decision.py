@@ -53,20 +53,29 @@ def _is_edge(i: int, j: int, cells: Cells) -> bool:
 
 
 @kernel
+def _beyond(at: int, i: int, j: int, cells: Cells, body: BodyPose, rules: Rules) -> int:
+    """`TOO_HIGH` or `TOO_LOW` where a world cell lies at or beyond a bound, else `FLOOR`."""
+    cell_m = cells.ring.cell_m
+    x, y = (i + 0.5) * cell_m, (j + 0.5) * cell_m
+    if over_ground_m(x, y, cells.height_m[at], body)[1] >= rules.h_pos_m:
+        return causes.TOO_HIGH
+    if over_ground_m(x, y, cells.low_m[at], body)[0] <= rules.h_neg_m:
+        return causes.TOO_LOW
+    return causes.FLOOR
+
+
+@kernel
 def _is_beside(at: int, i: int, j: int, cells: Cells, body: BodyPose, rules: Rules) -> bool:
     """Whether a cell beside a world cell is an obstacle: beyond a bound, or a brink over it."""
-    cell_m, bound_m = cells.ring.cell_m, min(rules.h_pos_m, -rules.h_neg_m)
+    bound_m = min(rules.h_pos_m, -rules.h_neg_m)
     for n in range(9):
-        di, dj = n % 3 - 1, n // 3 - 1
-        near = index_of(i + di, j + dj, cells.ring)
+        a, b = i + n % 3 - 1, j + n // 3 - 1
+        near = index_of(a, b, cells.ring)
         if near < 0 or near == at or cells.certainty[near] == 0 or cells.marks[near] & CORRUPT != 0:
             continue
-        x, y = (i + di + 0.5) * cell_m, (j + dj + 0.5) * cell_m
-        if (
-            over_ground_m(x, y, cells.height_m[near], body)[1] >= rules.h_pos_m
-            or over_ground_m(x, y, cells.low_m[near], body)[0] <= rules.h_neg_m
-            or cells.height_m[near] - cells.low_m[at] >= bound_m
-        ):
+        if cells.height_m[near] - cells.low_m[at] >= bound_m:
+            return True
+        if _beyond(near, a, b, cells, body, rules) != causes.FLOOR:
             return True
     return False
 
@@ -80,12 +89,9 @@ def cause_at(
         return causes.RESET if cells.marks[at] & RESET != 0 else causes.UNSEEN
     if cells.marks[at] & CORRUPT != 0:
         return causes.CORRUPT
-    cell_m = cells.ring.cell_m
-    x, y = (i + 0.5) * cell_m, (j + 0.5) * cell_m
-    if over_ground_m(x, y, cells.height_m[at], body)[1] >= rules.h_pos_m:
-        return causes.TOO_HIGH
-    if over_ground_m(x, y, cells.low_m[at], body)[0] <= rules.h_neg_m:
-        return causes.TOO_LOW
+    beyond = _beyond(at, i, j, cells, body, rules)
+    if beyond != causes.FLOOR:
+        return beyond
     if _is_brink(at, i, j, cells, rules):
         return causes.BRINK
     if cells.certainty[at] < rules.free_from:

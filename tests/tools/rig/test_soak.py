@@ -27,7 +27,8 @@ def test_a_leg_with_faults_ends_well_and_has_crossed_no_end_yet(soak: Soak) -> N
 
 
 def test_minutes_of_driving_with_faults_cross_the_ends_of_clocks_and_counters(soak: Soak) -> None:
-    assert [result.complaints for result in soak.legs(11.0 * LEG_S)] == [()] * 10
+    told = [result.complaints for result in soak.legs(8.5 * LEG_S)]  # of 146 frames a second
+    assert told == [()] * len(told)
     crossed = soak.ends.crossed
     for name in (
         "scanner, microseconds",

@@ -231,6 +231,15 @@ def test_ground_beside_an_obstacle_is_not_free_for_it_may_reach_into_the_cell(z:
     assert {one.cause(*at) for at in second} == {FLOOR}
 
 
+@pytest.mark.parametrize(("z", "cause"), [(0.3, BESIDE), (0.04, FLOOR)])
+def test_one_reading_of_an_obstacle_bars_what_lies_beside_it(z: float, cause: int) -> None:
+    one, around = Map(SlowSettings(cas=False)), [at for at in EVERYWHERE if at != (0, 0)]
+    for _ in range(4):
+        one.add([flat(*at) for at in around])
+    one.add([flat(*at) for at in around] + [flat(0, 0, z)])
+    assert {one.cause(*at) for at in around if max(map(abs, at)) == 1} == {cause}
+
+
 def test_six_known_neighbours_are_enough_however_uncertain() -> None:
     holes, ring = [(2, 2), (2, 1)], [(i, j) for i in range(3) for j in range(3)]
     for count, cause in ((2, FLOOR), (1, FLOOR), (3, EDGE)):

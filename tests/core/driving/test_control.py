@@ -181,6 +181,9 @@ def test_before_an_obstacle_it_slows_down_and_stands() -> None:
     assert 3.0 - margin_m - 0.03 < x_m < 3.0 - margin_m
     braking = np.diff(speeds)
     assert braking.min() > -0.1  # lowered step by step, not in one
+    assert robot.control.maybe_barred == pytest.approx((3.1, 0.1, 0.2))  # middle and edge
+    robot.step(DriveRequest(-0.2, 0.0, robot.now_s + 1.0), pose=Pose(0.0, x_m, 0.0, 0.0, 0.0, 0.0))
+    assert (robot.control.blocked_by, robot.control.maybe_barred) == ("", None)
 
 
 @pytest.mark.parametrize("factor", [1.0, 2.5])

@@ -26,7 +26,10 @@ settings.register_profile(
     "nightly", parent=settings.get_profile("mapod"), derandomize=False, max_examples=1000
 )
 settings.register_profile(  # what fails need not be small
-    "mutants", parent=settings.get_profile("mapod"), phases=(Phase.explicit, Phase.generate)
+    "mutants",
+    parent=settings.get_profile("mapod"),
+    phases=(Phase.explicit, Phase.generate),
+    max_examples=60,
 )
 settings.load_profile("mapod")
 

@@ -22,7 +22,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         run = [sys.executable, "-m", "coverage"]
         data = f"--data-file={Path(folder) / 'data'}"
-        pytest = ["-m", "pytest", "-q", "-rN", "-p", "no:cacheprovider", *tests]
+        pytest = ["-m", "pytest", "-q", "-rN", "-p", "no:cacheprovider"]
+        pytest += ["--hypothesis-profile=mutants", *tests]
         ran = subprocess.run(
             [*run, "run", data, "--branch", f"--include={own}", *pytest], env=python, cwd=ROOT
         )

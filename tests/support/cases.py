@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
-USUAL = 60  # examples of a property in each run
+USUAL = 40  # examples of a property in each run
 
 
 def few(cases: Iterable[Any], count: int) -> list[Any]:

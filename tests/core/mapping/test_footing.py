@@ -85,6 +85,7 @@ def plain_foothold(heights: Heights, at: tuple[int, int], footing: Footing) -> f
     return min(1.0, max(0.0, min(level, smooth)))
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(30), deadline=None)
 @given(
     share=st.sampled_from([0.5, 0.9, 1.0]),

@@ -231,6 +231,7 @@ def test_by_what_the_sensor_is_askew_is_found_out_as_the_robot_turns(
     np.testing.assert_allclose(up, R_earth_body[2], atol=math.radians(0.1))
 
 
+@pytest.mark.slow
 def test_the_covariance_of_the_tilt_tells_the_errors_that_there_are() -> None:
     """Squared errors over their variances: about 2 for two numbers, in the mean of many runs."""
     squares = []

@@ -29,6 +29,7 @@ def test_rooms_are_mapped_whole_and_true(noise: str) -> None:
     assert np.median(areas) < (0.05 if noise == "usual" else 0.1)
 
 
+@pytest.mark.slow
 def test_a_short_drive_finds_what_it_has_seen() -> None:
     world = furnished_room(JUDGED_ON[3], NOISES["usual"])
     objects, frame_ms = drive(world, 150)

@@ -62,6 +62,7 @@ def test_a_fault_is_written_with_its_value_and_its_time(text: str, order: Order)
     assert order_from_text(text) == order
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(20))
 @given(text=st.text(max_size=20) | st.from_regex(r"[a-z_.]{1,9}(=[a-z0-9,]*)?@[0-9ms+-]{1,6}"))
 def test_no_text_does_anything_but_make_a_schedule_or_be_refused(text: str) -> None:

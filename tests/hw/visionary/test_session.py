@@ -373,6 +373,7 @@ FAULTS = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(FAULTS)
 def test_it_delivers_again_within_its_times_after_any_row_of_faults(

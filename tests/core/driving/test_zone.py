@@ -243,6 +243,8 @@ def slow_way(
 @example(  # one touches its side; of two ahead, the nearer one is looked at later
     (0.0, 0.0, 0.0), RECT, {(0, 3): OBSTACLE, (8, -2): OBSTACLE, (7, 2): OBSTACLE}
 )
+@example((0.0, 0.386, 2.3e-311), RECT, {(4, 6): OBSTACLE})  # what it is divided by is next to 0
+@example((0.0, 0.386, -2.3e-311), RECT, {(4, 6): OBSTACLE})
 def test_the_way_ahead_is_that_of_the_slow_model(
     place: Place, rect: Rect, marks: dict[tuple[int, int], int]
 ) -> None:

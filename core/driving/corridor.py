@@ -103,7 +103,7 @@ def free_path(
         span = (-math.inf, math.inf)
         span = _where(-rect[1] - grow - s * dy, rect[0] + longest + grow - s * dy, c, span)
         span = _where(-rect[2] - grow - c * dy, rect[2] + grow - c * dy, -s, span)
-        if math.isinf(span[0]) or math.isinf(span[1]):  # hardly turned: all of the row lies aside
+        if span[0] > span[1]:  # none of the row; its ends may be beyond all integers
             continue
         first_i = math.floor((span[0] + x) / cell_m)
         row = np.empty(max(0, math.ceil((span[1] + x) / cell_m) - first_i), np.int8)

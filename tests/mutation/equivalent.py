@@ -63,6 +63,7 @@ EQUIVALENT: dict[str, str] = {
     f"{CORRIDOR} _path_to: 1.0 -> 2.0": ANY,
     f"{CORRIDOR} _path_to: front - keeps[0] >= enough -> front - keeps[0] > enough": LONGER,
     f"{CORRIDOR} free_path: 0 -> 1 (7)": WIDER,
+    f"{CORRIDOR} free_path: span[0] > span[1] -> span[0] >= span[1]": FLOATS,
     f"{CORRIDOR} _nearest_beside: abs(dy) > reach -> abs(dy) >= reach": FLOATS,
     f"{CORRIDOR} _nearest_beside: max(beyond) - half >= best -> max(beyond) - half > best": LONGER,
     f"{CORRIDOR} _nearest_beside: max(beyond) -> min(beyond)": LONGER,

@@ -245,6 +245,8 @@ def slow_way(
 )
 @example((0.0, 0.386, 2.3e-311), RECT, {(4, 6): OBSTACLE})  # what it is divided by is next to 0
 @example((0.0, 0.386, -2.3e-311), RECT, {(4, 6): OBSTACLE})
+@example((0.0, 0.386, 1e-20), RECT, {(4, 6): OBSTACLE})
+@example((0.0, 0.386, -1e-20), RECT, {(4, 6): OBSTACLE})
 def test_the_way_ahead_is_that_of_the_slow_model(
     place: Place, rect: Rect, marks: dict[tuple[int, int], int]
 ) -> None:

@@ -20,7 +20,6 @@ from core.objects.records import Floats
 from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import ObjectMap
 from core.paths.cleaning import TURN_RAD, Cleaning, CleaningSettings, Place, Task
-from core.paths.recent_views import RecentViews
 from core.paths.records import Machine
 from core.paths.rings import joined
 from core.paths.space import polygons_in
@@ -34,6 +33,7 @@ from fakes.visionary.picture import Camera
 from fakes.world.path_follower import PERIOD_S, Limits, PathFollower
 from fakes.world.rolling import RollingWorld
 from tools.rig.hall_truth import Truth, gap_of
+from tools.rig.recent_views import RecentViews
 
 MODEL: Model = "t"  # 176 x 144 pixels, 62 by 52 degrees
 FLYING_DEG = 12.0  # of a lens with so few pixels: at 3 degrees what flies less than 0.12 r stays

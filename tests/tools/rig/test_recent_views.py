@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from core.paths.recent_views import RecentViews
+from tools.rig.recent_views import RecentViews
 
 LENS, KEEP_S = (1.0, 2.0), 4.0
 SLOPES = np.linspace(-0.6, 0.6, 13)

@@ -110,9 +110,7 @@ def _vote(
                 value = min(near[0, j, i], band)
             else:
                 if near[0, j, i] < band and weight[j, i] < 0.5 * most:
-                    weight[j, i] *= (
-                        1.0 - 1.0 / confirm
-                    )  # at a hidden side, what rarely was in a hull
+                    weight[j, i] *= 1.0 - 1.0 / confirm  # at a hidden side: rarely in a hull
                 continue
             was = mean[j, i] < 0.0 and weight[j, i] >= confirm
             if weight[j, i] >= 1.0 and abs(value - mean[j, i]) > gate:

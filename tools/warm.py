@@ -42,10 +42,24 @@ def warm_paths() -> None:
     plan_coverage(hall, machine, start=(0.3, 0.3), dock=(2.5, 1.5))
 
 
+def warm_camera() -> None:
+    """What only a robot with a depth camera has: tests run it, and the demo of one."""
+    from config_file import load_config
+    from core.objects.frame.steps import FrameSteps
+    from core.objects.vector_map.warm import warm_object_map
+
+    config = load_config((ROOT / "robots" / "cleaner.toml").read_text(encoding="utf-8"))
+    assert config.objects is not None
+    assert config.object_map is not None
+    FrameSteps(config.objects).warm()
+    warm_object_map(config.object_map)
+
+
 PARTS: dict[str, Callable[[], None]] = {
     "app": warm_app,
     "world": warm_world,
     "paths": warm_paths,
+    "camera": warm_camera,
 }
 
 

@@ -5,7 +5,8 @@
 The robot is driven about a hall at random, minute by minute with other faults of its devices. When
 these are over, all inputs must be well again within a time, the receiver's map must be the app's to
 the cell, its numbers must add up, and the device clocks must stand where they stood. Memory must
-not grow. Nothing is judged of where the robot goes: campaigns do that.
+not grow. Nothing is judged of where the robot goes: campaigns do that. One that is stuck is carried
+back to where it began, and its controller is switched off and on, as a person would do it.
 """
 
 import argparse
@@ -34,6 +35,7 @@ FAULTS = 2  # of a leg
 RECOVERS_S = 60.0  # at most, after a leg
 LOOKED_S = 2.0  # at the clocks, once all is well
 FREED_EVERY_S = 5.0  # a stalled robot, at most
+STUCK_LEGS, STUCK_M = 3, 1.0  # a robot that has driven less in so many legs is stuck
 WELL = 0x7F  # health bits 0 to 6
 CODE = np.array([0, 2, 1], np.uint8)  # of the app's states 0, 1, -1 on the link
 MOTIONS = ((0.6, 0.0), (0.5, 0.3), (0.5, -0.3), (-0.3, 0.0), (0.0, 0.7), (0.0, -0.7))
@@ -76,6 +78,11 @@ class WatchedWorld(World):
         self.swept_s: deque[float] = deque(maxlen=KEPT)  # first beam of each sweep
         self.sampled_s: deque[float] = deque(maxlen=KEPT)
         super().__init__(*args)
+        self._home = self._data.qpos[:3].copy()
+
+    def carry_home(self) -> None:
+        """A person puts the robot down where it began, with the heading that it has."""
+        self._data.qpos[:3], self._data.qvel[:] = self._home, 0.0
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
         self.swept_s.append(float(times_s[0]))
@@ -139,6 +146,7 @@ class Soak:
         rig.drive.counter_offset = (2**31 - BEFORE_COUNTS, -(2**31) + BEFORE_COUNTS)
         self.ends, self.results = Ends(), list[LegResult]()
         self.resets = 0  # of the controller, as by a person, where counters had stood still
+        self.carried = 0  # by a person, where it was stuck
         self.way_m, self._place = 0.0, self.world.pose()[:2]
         self._clocks: list[list[float]] = [[], []]  # of a leg: scanner, attitude sensor
         self._first_clocks: tuple[float, float] | None = None
@@ -148,9 +156,22 @@ class Soak:
     def legs(self, seconds: float) -> Iterator[LegResult]:
         """For as much simulated time, in whole legs."""
         while self.loop.since_begin_s < seconds:
+            if self._is_stuck():
+                self._carry_home()
             result = self._leg(len(self.results))
             self.results.append(result)
             yield result
+
+    def _is_stuck(self) -> bool:
+        ways_m = [result.way_m for result in self.results[-STUCK_LEGS - 1 :]]
+        return len(ways_m) > STUCK_LEGS and ways_m[-1] - ways_m[0] < STUCK_M
+
+    def _carry_home(self) -> None:
+        self.world.carry_home()
+        self._place = self.world.pose()[:2]
+        self.loop.rig.drive.reset(self.loop.now_s)
+        self.carried += 1
+        self._recover(self.loop.now_s + RECOVERS_S)
 
     def _leg(self, number: int) -> LegResult:
         faults = tuple(draw(self._seed * 100_003 + number, FAULTS, 2.0, FAULTY_S))
@@ -276,7 +297,8 @@ class Soak:
             f"clocks against the truth: scanner within {spread[0]:.2f} ms, attitude sensor within "
             f"{spread[1]:.2f} ms from leg to leg",
             f"slowest recovery: {max(result.recovered_s for result in results):.1f} s; "
-            f"controller reset after a stall: {self.resets} times",
+            f"controller reset after a stall: {self.resets} times; "
+            f"carried back when stuck: {self.carried} times",
             f"frames on the link: {counters['frames_sent']}",
             "ends crossed: " + "; ".join(f"{n}: {k}" for n, k in sorted(self.ends.crossed.items())),
         ]

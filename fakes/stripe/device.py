@@ -83,7 +83,7 @@ class FakeStripe(Faults):
         self._only = Client(self)  # on a stream in memory
         self._clients = [self._only]
         self._next_s = -math.inf  # exposure
-        self._jpeg = b""  # newest, whole
+        self._jpegs: deque[bytes] = deque()  # newest last, whole: to be repeated
         self.exposed_s: deque[float] = deque(maxlen=64)  # instants of the newest images
 
     def connect(self, now_s: float) -> Client:
@@ -114,11 +114,22 @@ class FakeStripe(Faults):
         return now_s
 
     def _show(self, exposed_s: float, watching: list[Client]) -> None:
-        if not self.frozen or not self._jpeg:
-            self._jpeg = jpeg_from_image(self.camera.image(exposed_s), self)
-            self.exposed_s.append(exposed_s)
+        jpeg = self._next_jpeg(exposed_s)
         exposed_us = round((CLOCK_S + exposed_s) * 1e6) if self.tells_time else None
-        piece = part(damaged(self._jpeg, self, self._chance), exposed_us, self.tells_length)
+        piece = part(damaged(jpeg, self, self._chance), exposed_us, self.tells_length)
         delay_s = self.latency_s + self._chance.expovariate(1.0) * self.jitter_s
         for client in watching:
             client.show(exposed_s + delay_s, piece)
+
+    def _next_jpeg(self, exposed_s: float) -> bytes:
+        jpegs = self._jpegs
+        if self.frozen and jpegs:
+            return jpegs[-1]
+        if self.repeated and len(jpegs) >= self.repeated:
+            jpegs.rotate(-1)
+            return jpegs[-1]
+        jpegs.append(jpeg_from_image(self.camera.image(exposed_s), self))
+        while len(jpegs) > max(1, self.repeated):
+            jpegs.popleft()
+        self.exposed_s.append(exposed_s)
+        return jpegs[-1]

@@ -23,6 +23,7 @@ class Faults:
         self.truncated_rate = 0.0  # of images: the second part of one is missing, its end too
         self.torn_rate = 0.0  # of images: bytes in the middle are missing, its end is there
         self.frozen = False  # the same image again and again, with new times
+        self.repeated = 0  # images that it draws, to show them over and over; 0: it draws each
         self.image_px = (640, 480)  # width and height that it sends, whatever its sensor has
         self.quality = 90  # of the JPEG, 1..95
         # its pace

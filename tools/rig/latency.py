@@ -188,10 +188,11 @@ class Bench:
         stop: Stop,
         settings: Mapping[str, object] = SETTINGS,
         world: Sequence[str] = (),
+        robot: Path = SHIPPED_CONFIG,
     ) -> None:
-        """`world`: more arguments of `python -m fakes`."""
+        """`world`: more arguments of `python -m fakes`; `robot`: its file of settings."""
         self._stop, self._robot = stop, SimulatedRobot(folder)
-        self._settings, self._world = settings, world
+        self._settings, self._world, self._file = settings, world, robot
         self.end, self._wire = FarEnd(), UdpWire("127.0.0.1", 0)
         self._link = Link(self._wire, self.end)
         self.stamps, self.log = folder / "stamps.txt", JsonLines(folder / "app.log")
@@ -209,7 +210,7 @@ class Bench:
         robot = self._robot
         world = [sys.executable, "-m", "fakes", "--stamp", str(self.stamps), *self._world]
         settings = {**self._settings, "planner.port": self._wire.url}
-        robot.start(world, SHIPPED_CONFIG, settings, self._stop)
+        robot.start(world, self._file, settings, self._stop)
         self.fakes_fifo = prefer(robot.children[0].pid) and prefer(0)
 
     @property

@@ -71,6 +71,16 @@ def test_who_asks_gets_a_head_and_thirty_images_a_second_with_their_times() -> N
     assert (picture.format, picture.size) == ("JPEG", (640, 480))
 
 
+def test_it_repeats_the_images_that_it_has_drawn_if_told_to() -> None:
+    bench = Bench(repeated=3)
+    parts = parts_of(bench.run(0.3, GET)[len(HEAD) :])
+    files = [file for _, file in parts]
+    assert len(files) >= 6
+    assert len(set(files)) == 3
+    assert files[3:6] == files[:3]
+    assert len({t_s for t_s, _ in parts}) == len(parts)
+
+
 @pytest.mark.parametrize(
     ("request_", "answer"),
     [

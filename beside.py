@@ -59,6 +59,10 @@ class Beside(Generic[T]):
     def give(self, call: Callable[[], T]) -> None:
         self._maybe_future = self._worker.submit(call)
 
+    def after(self, call: Callable[[], None]) -> None:
+        """Wait until it is done, behind all that was given."""
+        self._worker.submit(call).result()
+
     def maybe_take(self) -> T | None:
         if self._maybe_future is None or not self._maybe_future.done():
             return None

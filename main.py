@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from app import App, Ports, warm_kernels
 from config_file import load_config, read_key, read_settings, with_changes
@@ -27,17 +27,31 @@ from hw.runtime.notify import Notifier
 from hw.runtime.threads import take_real_time
 from hw.runtime.wakeup import WakeUp
 from logs import LOG, set_up_logging
-from map_files import MapSaver, load_map
+from map_files import NO_CAMERA, MapSaver, ObjectsSaver, load_map, load_objects
 from recorder import Recorder, started_recorder
 from version import version
 from wiring import modbus_servers, open_ports
 
 if TYPE_CHECKING:
     from beside import Beside
+    from core.objects.vector_map.geojson import SavedMap
 
 UNATTENDED = "nobody watches this start: robot.start_clear_m counts as 0; goes without --load-map"
 RECORD = "record the run: a file that ends with .mcap, or a folder that ends with / ([record] path)"
+LOAD_OBJECTS = (
+    "go on from a saved map of objects, or begin with a floor plan (GeoJSON); the robot must stand "
+    "at its origin and look along its x axis"
+)
 SETTLE_S = 0.5  # longest wait, after the last tick, for what devices still have to take
+
+
+class Kept(NamedTuple):
+    """What a run goes on from, and the files into which it saves; empty: neither."""
+
+    map: Arrays | None = None
+    save_map: str = ""
+    objects: "SavedMap | None" = None
+    save_objects: str = ""
 
 
 class Wanted:
@@ -121,35 +135,48 @@ def maybe_beside(is_needed: bool) -> "Beside[Any] | None":
     return Beside()
 
 
+def maybe_objects(app: App, frames: "Beside[Any] | None", kept: Kept) -> ObjectsSaver | None:
+    """Who looks at frames goes on from a loaded map; gives what saves it at the end."""
+    if app.perception is None or app.perception.look is None or frames is None:
+        return None
+    if kept.objects is not None:
+        app.perception.look.start_from(kept.objects, time.monotonic())
+        LOG.info("objects_loaded", objects=len(kept.objects.objects), walls=len(kept.objects.walls))
+    if not kept.save_objects:
+        return None
+    return ObjectsSaver(app.perception.look, frames, kept.save_objects)
+
+
 def serve(
     config: Config,
     ports: Ports,
     key: bytes | None,
-    loaded: Arrays | None,
-    save_to: str,
+    kept: Kept,
     recorder: Recorder | None = None,
     at_start: Callable[[], None] = lambda: None,
 ) -> None:
-    """Run the app until SIGINT or SIGTERM, from a loaded map on.
+    """Run the app until SIGINT or SIGTERM, from loaded maps on.
 
-    SIGUSR1 saves the map, SIGUSR2 what the flight recorder has. `at_start` is called when all is
-    ready.
+    SIGUSR1 saves the map of the ground, SIGUSR2 what the flight recorder has. `at_start` is called
+    when all is ready.
     """
     wanted = Wanted()
     warm_kernels(config)
     plans = config.coverage is not None and config.coverage.plan
+    frames = maybe_beside(config.has_camera)
     app = App(
         config, ports, session=secrets.randbits(32), key=key, version=version(),
-        frames=maybe_beside(config.has_camera), plans=maybe_beside(plans),
+        frames=frames, plans=maybe_beside(plans),
     )  # fmt: skip
-    stepped = recorder.begin(app, key is not None, loaded) if recorder else app
-    if loaded is not None:
+    stepped = recorder.begin(app, key is not None, kept.map) if recorder else app
+    if kept.map is not None:
         loaded_s = time.monotonic()
-        restore(app.mapper, loaded, config, loaded_s)
+        restore(app.mapper, kept.map, config, loaded_s)
         if recorder:
             recorder.restored(loaded_s)
-        LOG.info("map_loaded", moving_when_saved=was_moving(loaded))
-    saver = MapSaver(app, save_to) if save_to else None
+        LOG.info("map_loaded", moving_when_saved=was_moving(kept.map))
+    objects_saver = maybe_objects(app, frames, kept)
+    saver = MapSaver(app, kept.save_map) if kept.save_map else None
     is_over = wanted.over(saver, recorder)
     locked, fifo = take_real_time()
     LOG.info("real_time_taken", memory_locked=locked, sched_fifo=fifo)
@@ -165,6 +192,8 @@ def serve(
         settle(stepped, wake_up, notifier)
         if saver:
             saver.finish()
+        if objects_saver:
+            objects_saver.finish()
     finally:
         app.stop()
         servers.close()
@@ -186,6 +215,8 @@ def options_of(arguments: list[str] | None) -> argparse.Namespace:
         help="go on from a saved map; the robot must stand where it stood then",
     )
     add("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
+    add("--load-objects", metavar="FILE", help=LOAD_OBJECTS)
+    add("--save-objects", metavar="FILE", help="save the map of objects at the end, as GeoJSON")
     add("--record", metavar="FILE", help=RECORD)
     add("--unattended", action="store_true", help=UNATTENDED)
     return parser.parse_args(arguments)
@@ -214,9 +245,25 @@ def settings_of(options: argparse.Namespace) -> Config:
     return with_changes(config, robot={"start_clear_m": 0.0})
 
 
+def kept_of(options: argparse.Namespace, config: Config) -> Kept:
+    """StateError: a file can't be loaded."""
+    return Kept(
+        load_map(options.load_map, config) if options.load_map else None,
+        options.save_map or "",
+        load_objects(options.load_objects, config) if options.load_objects else None,
+        options.save_objects or "",
+    )
+
+
 def check_folders(options: argparse.Namespace, config: Config) -> None:
     """StateError where a file that is asked for could not be made."""
-    wanted = {"--save-map": options.save_map, "record.path": config.record.path}
+    wanted = {
+        "--save-map": options.save_map,
+        "--save-objects": options.save_objects,
+        "record.path": config.record.path,
+    }
+    if options.save_objects and not config.has_camera:
+        raise StateError(f"--save-objects: {NO_CAMERA}")
     for name, path in wanted.items():
         if path and not Path(path).parent.is_dir():
             raise StateError(f"{name}: there is no folder for {path!r}")
@@ -228,7 +275,7 @@ def live(
     config: Config,
     ports: Ports,
     key: bytes | None,
-    loaded: Arrays | None,
+    kept: Kept,
     options: argparse.Namespace,
     at_start: Callable[[], None],
 ) -> str:
@@ -241,7 +288,7 @@ def live(
         if config.record.path or config.record.flight:
             recorder = ends.enter_context(contextlib.closing(started_recorder(config, version())))
             ports = recorder.ports(ports)
-        serve(config, ports, key, loaded, options.save_map, recorder, at_start)
+        serve(config, ports, key, kept, recorder, at_start)
     return recorder.trouble if recorder else ""
 
 
@@ -262,7 +309,7 @@ def run(
     try:
         config = settings_of(options)
         key = read_key(config.planner.key_file)
-        loaded = load_map(options.load_map, config) if options.load_map else None
+        kept = kept_of(options, config)
         check_folders(options, config)
         ports = open_ports(config)
     except StateError as error:
@@ -277,7 +324,7 @@ def run(
         elif options.warm:
             warm_kernels(config)
         else:
-            at_end(live(config, ports, key, loaded, options, at_start))
+            at_end(live(config, ports, key, kept, options, at_start))
     return 0
 
 

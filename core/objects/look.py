@@ -16,6 +16,7 @@ from core.objects.evidence import evidence_of
 from core.objects.frame.steps import CameraPose, FrameSteps
 from core.objects.records import Floats, FrameObjects
 from core.objects.seen import Seen
+from core.objects.vector_map.geojson import SavedMap, geojson_from_map
 from core.objects.vector_map.mapped import MapObject, box_of
 from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import MapUpdate, ObjectMap
@@ -99,6 +100,19 @@ class FrameLook:
         changed, gone = self._changes(update.obstacles)
         rays = found.directions, found.ranges_m
         return Seen(image.t_s, epoch, "", image.camera.offset_m, *rays, standing, changed, gone)
+
+    def start_from(self, saved: SavedMap, at_s: float) -> None:
+        """Before the first frame: a saved map or a floor plan, which is told with that frame.
+
+        Raises:
+            ValueError: a map has begun already.
+        """
+        self._objects.start_from(saved.objects, saved.walls, at_s)
+
+    def as_geojson(self) -> tuple[str, int]:
+        """The map of objects as it is now; and how many there are."""
+        objects = self._objects.objects()
+        return geojson_from_map(objects, self._objects.walls.records(), self._of_map), len(objects)
 
     def _walls(self) -> Floats:
         """(n, 4) m, those of the map."""

@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -109,6 +110,7 @@ def test_a_command_line(
     line: str, told: str, tmp_path: Path, capsys: Capsys, monkeypatch: Patch
 ) -> None:
     (tmp_path / "mapod.toml").write_text(TEXT, encoding="utf-8")
+    shutil.copy(ROOT / "robots" / "cleaner.toml", tmp_path)
     (tmp_path / "latin.toml").write_bytes(b"# \xe4\n")
     (tmp_path / "text.mcap").write_bytes(b"hello\n")
     (tmp_path / "empty.mcap").write_bytes(b"")

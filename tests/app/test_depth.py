@@ -1,5 +1,6 @@
 """The depth camera in the app: cells and objects from its bytes, its loss, a replay of it all."""
 
+import json
 import subprocess
 import sys
 import threading
@@ -15,8 +16,10 @@ from core.mapping.combined import CombinedMaps
 from core.objects.seen import Seen
 from core.objects.told import ToldObjects
 from core.records import FREE, OBJECT_STATIC, OBSTACLE, UNKNOWN, ObjectReport
+from core.saved.encoding import StateError
 from core.summary import describe_robot
 from fakes.scenes.scene import Solid
+from map_files import ObjectsSaver, load_objects
 from recording.reader import Recording
 from recording.records import SEEN
 from tests import ROOT
@@ -69,6 +72,38 @@ def test_floor_and_box_of_the_near_field_are_in_the_planners_map_and_list(
         (np.asarray(one.outline_m)[:, 0].min() for one in objects.by_id.values()), default=np.inf
     )
     assert near == pytest.approx(1.6, abs=0.05)
+
+
+def test_a_floor_plan_begins_the_map_of_objects_and_what_became_of_it_is_saved(
+    tmp_path: Path,
+) -> None:
+    plan, kept = tmp_path / "plan.json", tmp_path / "kept.json"
+    box = [[1.6, -0.3], [2.0, -0.3], [2.0, 0.3], [1.6, 0.3], [1.6, -0.3]]
+    far = [[x + 40.0, y] for x, y in box]
+    shapes: list[dict[str, object]] = [
+        {"type": "Polygon", "coordinates": [ring]} for ring in (box, far)
+    ]
+    shapes.append({"type": "LineString", "coordinates": [[-1, 5], [4, 5]]})
+    features = [{"type": "Feature", "geometry": shape, "properties": {}} for shape in shapes]
+    plan.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    loop = DepthLoop(hall(BOX), drives=False)
+    perception = loop.app.perception
+    assert perception is not None
+    assert perception.look is not None
+    perception.look.start_from(load_objects(str(plan), loop.config), loop.now_s)
+    loop.run(1.0)
+    told = loop.planner.vectors.objects.by_id.values()
+    assert max(np.asarray(one.outline_m)[:, 0].max() for one in told) == pytest.approx(42.0)
+    frames = Beside[Seen]()
+    saver = ObjectsSaver(perception.look, frames, str(kept))
+    saver.finish()
+    again = load_objects(str(kept), loop.config)
+    assert (len(again.objects), len(again.walls)) == (2, 1)  # the box is no new thing
+    np.testing.assert_allclose(again.objects[1].polygon[:, 0].max(), 42.0, atol=1e-3)
+    ObjectsSaver(perception.look, frames, str(tmp_path)).finish()  # a folder: told in the log
+    other = with_camera(object_map={"cell_m": 0.03})
+    with pytest.raises(StateError, match=r"kept\.json'.*the map was made with others"):
+        load_objects(str(kept), other)
 
 
 def test_what_steps_before_it_is_an_obstacle_with_the_first_frame() -> None:

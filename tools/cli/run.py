@@ -17,6 +17,7 @@ from tools.cli.options import ROBOTS, ROOT, SHIPPED_CONFIG, Parser, fail, parser
 from tools.settings_merge import merged
 from version import version as app_version
 
+FILES = "load_map", "save_map", "load_objects", "save_objects", "record"  # options of the app
 HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
 
 
@@ -84,13 +85,18 @@ def _add_run_options(parser: Parser) -> None:
     stands = "go on from a saved map; the robot must stand where it stood then"
     parser.add_argument("--load-map", metavar="FILE", help=stands)
     parser.add_argument("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
+    objects = "go on from a saved map of objects, or begin with a floor plan (GeoJSON)"
+    parser.add_argument("--load-objects", metavar="FILE", help=objects)
+    of_objects = "save the map of objects at the end, as GeoJSON"
+    parser.add_argument("--save-objects", metavar="FILE", help=of_objects)
 
 
 def _arguments_of(options: argparse.Namespace) -> list[str]:
     given = ["--config", str(options.config)]
-    given += ["--load-map", options.load_map] if options.load_map else []
-    given += ["--record", options.record] if options.record else []
-    return given + (["--save-map", options.save_map] if options.save_map else [])
+    for name in FILES:
+        path = getattr(options, name)
+        given += [f"--{name.replace('_', '-')}", path] if path else []
+    return given
 
 
 def init(arguments: list[str] | None = None) -> int:

@@ -143,6 +143,17 @@ def map_from_geojson(text: str, settings: ObjectMapSettings) -> SavedMap:
     return SavedMap(tuple(objects), tuple(walls))
 
 
+def map_from_text(text: str, settings: ObjectMapSettings, top_m: float) -> SavedMap:
+    """What either of the two below it reads: a saved map says that it is one.
+
+    Raises:
+        GeoJsonError: it is neither, is damaged, or other settings made it.
+    """
+    if _collection(text).mapod is None:
+        return map_from_floor_plan(text, top_m)
+    return map_from_geojson(text, settings)
+
+
 def map_from_floor_plan(text: str, top_m: float) -> SavedMap:
     """A floor plan of anybody's: polygons are objects, lines are walls; metres of the map frame.
 

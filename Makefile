@@ -19,7 +19,7 @@ $(BIN)/python:
 	@$(PYTHON) -m venv $(VENV) || { echo "mapod: needs venv: apt install python3.11-venv"; exit 1; }
 
 EXTRAS_sim := sim objects view
-EXTRAS_test := camera objects view export foxglove sweep video test
+EXTRAS_test := camera objects drawings view export foxglove sweep video test
 
 $(VENV)/.ready-%: pyproject.toml requirements.lock tools/deps/lock.py | $(BIN)/python
 	@echo "mapod: installing the libraries that requirements.lock has for [$(or $(EXTRAS_$*),$*)]"

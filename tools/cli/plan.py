@@ -1,8 +1,8 @@
 """Plans on a floor plan: a path that sweeps all of it, or the shortest way from A to B.
 
-FILE is GeoJSON in metres (polygons; `kind` obstacle or room, lines are walls) or a map that
-Valetudo stores of a vacuum robot (versions 1 and 2). Metres; x to the right, y up. Start and dock
-are those of the file unless they are given. It opens no port.
+FILE is GeoJSON in metres (polygons; `kind` obstacle or room, lines are walls), a DXF drawing of its
+walls, or a map that Valetudo stores of a vacuum robot (versions 1 and 2). Metres; x to the right,
+y up. Start and dock are those of the file unless they are given. It opens no port.
 """
 
 import argparse
@@ -16,13 +16,15 @@ from typing import TYPE_CHECKING, Any
 from tools.cli.options import fail, number_in, parser_of, value_of
 
 if TYPE_CHECKING:
-    from shapely import MultiPolygon
+    from shapely import LineString, MultiPolygon
 
     from core.paths.measures import Measures
     from core.paths.records import Machine
     from tools.floorplans.records import FloorPlan
 
 NOT_INSTALLED = "needs the library of polygons: pip install 'mapod[objects]'"
+NO_DXF = "a DXF drawing needs the library that reads it: pip install 'mapod[drawings]'"
+UNITS = ("mm", "cm", "dm", "m", "in", "ft")
 Point = tuple[float, float]
 
 
@@ -42,6 +44,21 @@ def a_footprint(text: str) -> list[Point]:
         return [a_point(each) for each in given.split()]
 
     return value_of(text, corners, lambda c: len(c) >= 3, "three or more corners 'X,Y X,Y X,Y'")
+
+
+def names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+def an_origin(text: str) -> tuple[float, float, float]:
+    def place(given: str) -> tuple[float, float, float]:
+        x, y, degrees = given.split(",")
+        return float(x), float(y), float(degrees)
+
+    def is_finite(one: tuple[float, float, float]) -> bool:
+        return all(math.isfinite(value) for value in one)
+
+    return value_of(text, place, is_finite, "three numbers X,Y,DEG")
 
 
 def arguments(given: list[str] | None) -> argparse.Namespace:
@@ -77,7 +94,17 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     add("--report", action="store_true", help="tell the figures, and what is missed, as JSON")
     add("--picture", type=Path, help="a PNG")
     add("--out", type=Path, help="the path as GeoJSON, each line with its kind: sweep or travel")
+    drawing = parser.add_argument_group("of a DXF drawing")
+    add = drawing.add_argument
+    add("--unit", choices=UNITS, default="", help="of its numbers (as the file says)")
+    add("--layers", type=names, default=(), metavar="A,B", help="on which its walls are (all)")
+    where = "of the plan, and its x axis, in its drawing: in m and deg (0,0,0)"
+    add("--origin", type=an_origin, default=(0.0, 0.0, 0.0), metavar="X,Y,DEG", help=where)
+    add("--walls", type=Path, metavar="FILE", help="its walls as GeoJSON, and nothing is planned")
     options = parser.parse_args(given)
+    options.is_drawing = options.file.suffix.lower() == ".dxf"
+    if (options.unit or options.layers or options.walls) and not options.is_drawing:
+        parser.error("--unit, --layers, --walls: only with a DXF drawing, FILE.dxf")
     if (options.start_at is None) != (options.goal is None):
         parser.error("--from and --to: say both or none")
     if options.free_ends and (options.start or options.dock):
@@ -183,11 +210,41 @@ def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> in
     return 0
 
 
+def walls_of(options: argparse.Namespace) -> "list[LineString]":
+    """Of a DXF drawing. Raises PlanFileError, OSError."""
+    from tools.floorplans import dxf
+    from tools.floorplans.records import PlanFileError
+
+    try:
+        reading = dxf.Reading(options.unit, options.layers, options.origin)
+        return dxf.walls_from_dxf(options.file, reading)
+    except PlanFileError as error:
+        raise PlanFileError(f"{options.file}: {error}") from None
+
+
+def write_walls(options: argparse.Namespace) -> int:
+    from tools.floorplans.geojson import walls_as_geojson
+
+    walls = walls_of(options)
+    write_json(options.walls, walls_as_geojson(walls))
+    print(f"{len(walls)} walls, {sum(wall.length for wall in walls):.1f} m in all")
+    return 0
+
+
+def drawn_plan(options: argparse.Namespace) -> "FloorPlan":
+    """Raises PlanFileError, OSError."""
+    from tools.floorplans.dxf import plan_from_walls
+
+    return plan_from_walls(walls_of(options))
+
+
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 no way from A to B, 2 wrong use or a floor that cannot be planned."""
     options = arguments(given)
     if importlib.util.find_spec("shapely") is None:
         return fail("plan", NOT_INSTALLED)
+    if options.is_drawing and importlib.util.find_spec("ezdxf") is None:
+        return fail("plan", NO_DXF)
     from core.paths.records import Machine
     from core.paths.space import FloorError
     from tools.floorplans.plan_file import load_plan
@@ -200,7 +257,9 @@ def main(given: list[str] | None = None) -> int:
             width_m=options.width,
             overlap_m=options.overlap,
         )
-        plan = load_plan(options.file)
+        if options.walls is not None:
+            return write_walls(options)
+        plan = drawn_plan(options) if options.is_drawing else load_plan(options.file)
         if options.goal is not None:
             return go(options, plan, machine)
         cover(options, plan, machine)

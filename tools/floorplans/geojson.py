@@ -127,6 +127,12 @@ def way_as_geojson(points: F64) -> Json:
     }
 
 
+def walls_as_geojson(walls: Sequence[shapely.LineString]) -> Json:
+    """Lines of walls."""
+    features = [_feature(wall, kind="wall") for wall in walls]
+    return {"type": "FeatureCollection", "features": features}
+
+
 def _feature(shape: BaseGeometry, **properties: object) -> Json:
     return {"type": "Feature", "properties": properties, "geometry": _millimetres(shape)}
 

@@ -5,11 +5,8 @@ from pathlib import Path
 
 from core.paths.space import FloorError
 from tools.floorplans.geojson import plan_from_geojson
-from tools.floorplans.records import FloorPlan, Json, PlanFileError, shown
+from tools.floorplans.records import MOST_BYTES, MOST_M, FloorPlan, Json, PlanFileError, shown
 from tools.floorplans.valetudo import plan_from_valetudo
-
-MOST_BYTES = 64_000_000
-MOST_M = 5000.0
 
 
 def _refused(name: str) -> float:

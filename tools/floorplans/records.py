@@ -11,6 +11,8 @@ from shapely import MultiPolygon, Polygon
 from core.paths.space import repaired
 from core.records import F64
 
+MOST_BYTES = 64_000_000  # of a file
+MOST_M = 5000.0  # length of a plan
 Point = tuple[float, float]
 Json = dict[str, Any]
 

@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
-from tools.floorplans.plan_file import MOST_M, load_plan
-from tools.floorplans.records import PlanFileError
+from tools.floorplans.plan_file import load_plan
+from tools.floorplans.records import MOST_M, PlanFileError
 from tools.fuzz.program import refused
 from tools.fuzz.recordings import place
 

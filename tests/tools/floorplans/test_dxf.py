@@ -1,0 +1,157 @@
+"""Floor plans from DXF drawings, as ezdxf writes them: shapes, units, layers, blocks, bad files."""
+
+import json
+import math
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import ezdxf.filemanagement
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from core.objects.vector_map.geojson import map_from_floor_plan
+from tests import Capsys, Patch
+from tools.cli.plan import main
+from tools.floorplans import dxf
+from tools.floorplans.dxf import Reading, plan_from_walls, walls_from_dxf
+from tools.floorplans.records import PlanFileError
+
+HALL = [(0, 0), (6000, 0), (6000, 4000), (0, 4000)]  # mm
+
+
+def new(unit: int = 4) -> Any:
+    drawing = ezdxf.filemanagement.new("R2010")
+    drawing.header["$INSUNITS"] = unit
+    return drawing
+
+
+def saved(drawing: Any, folder: Path) -> Path:
+    path = folder / "hall.dxf"
+    drawing.saveas(path)
+    return path
+
+
+@pytest.fixture
+def hall(tmp_path: Path) -> Path:
+    """Outline, a wall, a round pillar, a square one in a block, turned, and a text."""
+    drawing = new()
+    space = drawing.modelspace()
+    space.add_lwpolyline(HALL, close=True, dxfattribs={"layer": "WALLS"})
+    space.add_line((3000, 0), (3000, 2500), dxfattribs={"layer": "WALLS"})
+    space.add_circle((1500, 2000), 200, dxfattribs={"layer": "PILLARS"})
+    block = drawing.blocks.new("PILLAR")
+    block.add_lwpolyline([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)], close=True)
+    place = {"xscale": 400, "yscale": 400, "rotation": 45, "layer": "PILLARS"}
+    space.add_blockref("PILLAR", (4500, 2000), dxfattribs=place)
+    space.add_text("hall", dxfattribs={"layer": "WALLS"})
+    return saved(drawing, tmp_path)
+
+
+def test_lines_curves_and_blocks_are_walls_in_metres(hall: Path) -> None:
+    walls = walls_from_dxf(hall, Reading())
+    assert len(walls) == 4
+    outline, wall, circle, pillar = walls
+    assert outline.length == pytest.approx(20.0)
+    np.testing.assert_allclose(wall.coords, [[3.0, 0.0], [3.0, 2.5]])
+    assert circle.length == pytest.approx(2 * math.pi * 0.2, rel=0.01)
+    assert pillar.centroid.distance(circle.centroid) == pytest.approx(3.0, abs=1e-6)
+    assert pillar.bounds[2] - pillar.bounds[0] == pytest.approx(0.4 * math.sqrt(2))
+    assert [len(walls_from_dxf(hall, Reading(layers=names))) for names in (("walls",), ())] == [
+        2,
+        4,
+    ]
+
+
+def test_the_floor_is_what_they_close_in(hall: Path) -> None:
+    free = plan_from_walls(walls_from_dxf(hall, Reading())).free
+    assert free.area == pytest.approx(24.0 - 0.02 * 12.5, abs=0.15)
+    assert not free.intersects(walls_from_dxf(hall, Reading())[1])
+
+
+def test_another_origin_and_unit(hall: Path) -> None:
+    reading = Reading(unit="cm", layers=("WALLS",), origin=(30.0, 10.0, 90.0))
+    _, wall = walls_from_dxf(hall, reading)
+    np.testing.assert_allclose(wall.coords, [[-10.0, 0.0], [15.0, 0.0]], atol=1e-9)
+
+
+def test_a_block_that_is_inserted_in_rows_is_there_as_often(tmp_path: Path) -> None:
+    drawing = new(unit=6)
+    drawing.blocks.new("POST").add_circle((0, 0), 0.1)
+    rows = {"row_count": 3, "column_count": 2, "row_spacing": 2.0, "column_spacing": 5.0}
+    drawing.modelspace().add_blockref("POST", (0, 0), dxfattribs=rows)
+    walls = walls_from_dxf(saved(drawing, tmp_path), Reading())
+    assert {tuple(np.round(wall.centroid.coords[0], 3)) for wall in walls} == {
+        (x, y) for x in (0.0, 5.0) for y in (0.0, 2.0, 4.0)
+    }
+
+
+def nested(deep: int, each: int) -> Any:
+    """Blocks of so many blocks each, so deep in each other."""
+    drawing = new()
+    for k in range(deep):
+        block = drawing.blocks.new(f"B{k}")
+        for x in range(each):
+            block.add_blockref(f"B{k + 1}", (x, 0))
+    drawing.blocks.new(f"B{deep}").add_line((0, 0), (1, 0))
+    drawing.modelspace().add_blockref("B0", (0, 0))
+    return drawing
+
+
+def one(way: Any, unit: int = 4) -> Any:
+    drawing = new(unit)
+    way(drawing.modelspace())
+    return drawing
+
+
+@pytest.mark.parametrize(
+    ("drawing", "message"),
+    [
+        (one(lambda space: space.add_line((0, 0), (9, 0)), unit=0), "says no unit that is known"),
+        (
+            one(lambda space: space.add_text("hello")),
+            "no line is drawn; its layers are 0, Defpoints",
+        ),
+        (
+            one(lambda space: space.add_line((0, 0), (6e6, 0))),
+            "within 5000 m of its origin, 6000 m",
+        ),
+        (nested(17, 1), "at most 16 deep in each other"),
+        (nested(3, 11), "at most 1000 entities"),
+    ],
+)
+def test_what_is_no_plan_is_refused(
+    drawing: Any, message: str, tmp_path: Path, monkeypatch: Patch
+) -> None:
+    monkeypatch.setattr(dxf, "MOST_PARTS", 1000)
+    with pytest.raises(PlanFileError, match=message):
+        walls_from_dxf(saved(drawing, tmp_path), Reading())
+
+
+@given(st.integers(0, 10_000), st.binary(max_size=12))
+def test_a_damaged_file_is_read_or_refused(
+    tmp_path_factory: pytest.TempPathFactory, where: int, bytes_: bytes
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "damaged.dxf"
+    whole = DAMAGED.encode()
+    at = where % len(whole)
+    path.write_bytes(whole[:at] + bytes_ + whole[at + len(bytes_) :])
+    with suppress(PlanFileError):
+        assert walls_from_dxf(path, Reading(unit="mm"))
+
+
+DAMAGED = "0\nSECTION\n2\nENTITIES\n0\nLINE\n8\nW\n10\n0\n20\n0\n11\n9\n21\n9\n0\nENDSEC\n0\nEOF\n"
+
+
+def test_a_drawing_on_the_command_line(hall: Path, tmp_path: Path, capsys: Capsys) -> None:
+    assert main([str(hall), "--radius", "0.2", "--report"]) == 0
+    assert json.loads(capsys.readouterr().out)["covered_of_reachable"] > 0.97
+    kept = tmp_path / "walls.json"
+    assert main([str(hall), "--layers", "WALLS", "--walls", str(kept)]) == 0
+    assert capsys.readouterr().out == "2 walls, 22.5 m in all\n"
+    assert len(map_from_floor_plan(kept.read_text(), 1.0).walls) == 5  # each side its own
+    (tmp_path / "no.dxf").write_text("0\nhello\n")
+    assert main([str(tmp_path / "no.dxf")]) == 2
+    assert f"{tmp_path / 'no.dxf'}: must be a DXF drawing: " in capsys.readouterr().err

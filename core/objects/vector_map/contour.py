@@ -152,8 +152,8 @@ def _moments(off: Floats) -> tuple[float, float, float]:
 
 
 def _corner(a: _Side, b: _Side) -> Floats:
-    """Where two sides meet (1, 2); their own ends (1 or 2) where that is not near them."""
-    ends = np.array(sorted({tuple(a.last.tolist()), tuple(b.first.tolist())}))
+    """Where two sides meet (1, 2); their own ends (1 or 2), in turn, where that is not near."""
+    ends = np.array([a.last] if (a.last == b.first).all() else [a.last, b.first])
     cross = float(a.along[0] * b.along[1] - a.along[1] * b.along[0])
     if abs(cross) < LEAST_TURN:
         return ends

@@ -5,9 +5,11 @@ import math
 import msgspec
 import numpy as np
 import pytest
+import shapely
+from shapely.affinity import rotate
 
 from core.objects.records import Detection, FrameObjects
-from core.objects.vector_map.contour import area_of, polygons_of
+from core.objects.vector_map.contour import area_of, polygons_of, straightened
 from core.objects.vector_map.field import DistanceField
 from core.objects.vector_map.object_map import MapUpdate, ObjectMap
 from core.objects.vector_map.seen import pieces_of
@@ -285,3 +287,12 @@ def test_what_a_field_gives_away_is_not_drawn_as_its_own_again() -> None:
     left = polygons_of(field.values(), field.place, SETTINGS.cell_m, SETTINGS.least_size_m)
     assert len(left) == 2
     assert all(apart_m(one, between) > 0.05 for one in left)
+
+
+@pytest.mark.parametrize("turn", range(4))
+def test_a_step_between_two_parallel_sides_is_kept_whichever_way_it_is_turned(turn: int) -> None:
+    corners = [(0.0, 0.0), (20.0, 0.0), (20.0, 10.0), (11.0, 10.0), (10.0, 12.0), (0.0, 12.0)]
+    outline = rotate(shapely.Polygon(corners), 90 * turn)
+    ring = np.asarray(outline.segmentize(0.5).exterior.coords)[:-1]
+    kept = shapely.Polygon(straightened(ring))
+    assert kept.symmetric_difference(outline).area < 1e-6

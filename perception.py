@@ -63,9 +63,8 @@ class Perception:
 
             ground = look.Ground(config.map.cell_m, bars_m, FRAME_RAYS)
             self.look = look.FrameLook(objects, object_map, ground)
-        angles = depth.mount_roll_deg, depth.mount_tilt_deg, depth.mount_yaw_deg
-        self._R_body_sensor = R_from_rpy(*map(math.radians, angles))
-        self._t_body_sensor = np.array([depth.mount_x_m, depth.mount_y_m, depth.mount_z_m])
+        self._R_body_sensor = R_from_rpy(*depth.mount_rpy_rad)
+        self._t_body_sensor = np.array(depth.mount_xyz_m)
         self._maybe_waiting: DepthImage | None = None  # the newest image that nobody looked at
         self._epoch = mapper.counts.erased
 

@@ -2,7 +2,7 @@
 
 Every key is required and no other is allowed, so the file is complete and is its own manual.
 A device's section has keys of its own for each driver: their structs come from outside, by name.
-Degrees appear here and in the file only. Port URLs are checked by `hw.ports.wires`.
+Port URLs are checked by `hw.ports.wires`.
 Source: design, section 6.
 """
 
@@ -10,20 +10,18 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Any
 
 import msgspec
-from msgspec import Meta, Struct
+from msgspec import Struct
 
 from core.allowed import LONGEST_SHOWN, allowed, shown
 from core.coverage_settings import CoverageSettings, fault_of
+from core.device_settings import Ahrs, Depth, Drive, Scanner
 from core.map_settings import Certainty, Ground, Map, Obstacle, ShadowFilter
 from core.object_settings import FrameSettings, ObjectMapSettings
-from core.records import ScannerSpec
-from core.run_settings import Log, Loop, Modbus, Motion, Planner, Port, Record, Robot
+from core.run_settings import Log, Loop, Modbus, Motion, Planner, Record, Robot
 
-Degrees = Annotated[float, Meta(ge=-180, le=180)]
-Offset = Annotated[float, Meta(ge=-5, le=5)]
 NO_DRIVE = "none"  # the driver of [drive] where nothing commands motors or counts wheels
 NO_CAMERA = "none"  # that of [depth] where there is no depth camera
 
@@ -33,78 +31,6 @@ Drivers = Mapping[str, Mapping[str, type[Struct]]]  # by section and driver: its
 
 class ConfigError(Exception):
     """A setting that can't be used; the text names the key, what was given and what is allowed."""
-
-
-@runtime_checkable
-class Options(Protocol):
-    """The keys that a driver alone knows: a struct of its own."""
-
-    def describe(self) -> str: ...
-
-
-@runtime_checkable
-class ScannerOptions(Options, Protocol):
-    """Those of a scanner also say what it can do."""
-
-    @property
-    def spec(self) -> ScannerSpec: ...
-
-
-@runtime_checkable
-class DepthOptions(Options, Protocol):
-    """Those of a depth camera also say how often it tells something."""
-
-    @property
-    def period_s(self) -> float:
-        """From one frame to the next, as it is wanted."""
-
-
-class Scanner(Struct, frozen=True):
-    """The range sensor, and where it sits on the body."""
-
-    driver: str
-    port: Port
-    mount_x_m: Offset
-    mount_y_m: Offset
-    mount_z_m: Annotated[float, Meta(gt=0, le=5)]
-    mount_roll_deg: Degrees
-    mount_tilt_deg: Annotated[float, Meta(ge=-90, le=90)]
-    mount_yaw_deg: Degrees
-    options: ScannerOptions
-
-
-class Depth(Struct, frozen=True):
-    """The depth camera, and where it sits on the body."""
-
-    driver: str
-    port: str  # "" where there is none
-    mount_x_m: Offset
-    mount_y_m: Offset
-    mount_z_m: Annotated[float, Meta(gt=0, le=5)]
-    mount_roll_deg: Degrees
-    mount_tilt_deg: Annotated[float, Meta(ge=-90, le=90)]
-    mount_yaw_deg: Degrees
-    options: DepthOptions
-
-
-class Ahrs(Struct, frozen=True):
-    """The attitude sensor, and how its case is turned on the body."""
-
-    driver: str
-    port: Port
-    mount_roll_deg: Degrees
-    mount_pitch_deg: Degrees
-    mount_yaw_deg: Degrees
-    options: Options
-
-
-class Drive(Struct, frozen=True):
-    """The motor controller, of which the encoder counters are read, and which moves the wheels."""
-
-    driver: str
-    port: str  # "" where there is none
-    full_power_mps: Annotated[float, Meta(ge=0.01, le=20)]
-    options: Options
 
 
 class Config(Struct, frozen=True, forbid_unknown_fields=True):

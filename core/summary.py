@@ -141,16 +141,12 @@ def _describe_motors(config: Config) -> list[str]:
 def _describe_ground(config: Config) -> list[str]:
     """Where the centre beam meets the ground, and how wide the seen strip of ground is."""
     scanner = config.scanner
-    R_body_sensor = R_from_rpy(
-        math.radians(scanner.mount_roll_deg),
-        math.radians(scanner.mount_tilt_deg),
-        math.radians(scanner.mount_yaw_deg),
-    )
+    R_body_sensor = R_from_rpy(*scanner.mount_rpy_rad)
     spec = scanner.options.spec
     rays = np.vstack([spec.directions, [1.0, 0.0, 0.0]]) @ R_body_sensor.T
     down = np.maximum(-rays[:, 2], 1e-9)
     ranges_m = scanner.mount_z_m / down
-    points = rays * ranges_m[:, None] + [scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m]
+    points = rays * ranges_m[:, None] + scanner.mount_xyz_m
     seen = ranges_m <= spec.max_range_m
     if not seen[-1]:
         return [f"its centre beam meets no ground within {spec.max_range_m:g} m"]

@@ -60,13 +60,12 @@ class RobotShape:
 
 def shape_of(config: Config) -> RobotShape:
     robot, scanner = config.robot, config.scanner
-    angles = scanner.mount_roll_deg, scanner.mount_tilt_deg, scanner.mount_yaw_deg
     return RobotShape(
         robot.front_m,
         robot.rear_m,
         robot.width_m,
-        (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
-        (math.radians(angles[0]), math.radians(angles[1]), math.radians(angles[2])),
+        scanner.mount_xyz_m,
+        scanner.mount_rpy_rad,
     )
 
 

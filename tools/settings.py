@@ -18,8 +18,7 @@ class NotThereError(Exception):
 
 def lens_of(config: Config) -> tuple[float, float, float, float]:
     """Where the scanner sits: x, y, z (m), and how much it looks down (deg), as fakes take it."""
-    scanner = config.scanner
-    return scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m, scanner.mount_tilt_deg
+    return *config.scanner.mount_xyz_m, config.scanner.mount_tilt_deg
 
 
 def camera_of(config: Config) -> tuple[float, float, float, float] | None:
@@ -27,7 +26,7 @@ def camera_of(config: Config) -> tuple[float, float, float, float] | None:
     depth = config.depth
     if depth is None or not config.has_camera:
         return None
-    return depth.mount_x_m, depth.mount_y_m, depth.mount_z_m, depth.mount_tilt_deg
+    return *depth.mount_xyz_m, depth.mount_tilt_deg
 
 
 def wheels_of(config: Config) -> tuple[float, float]:

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from config_file import load_config
-from core.config import Ahrs, ConfigError, Drive, Scanner
+from core.config import ConfigError
+from core.device_settings import Ahrs, Drive, Scanner
 
 HEAD = re.compile(r"\s*\[\s*(\w+)\s*\]")
 ENTRY = re.compile(r"(\w+)\s*=")

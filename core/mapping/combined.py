@@ -13,7 +13,8 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from core.config import Config, Scanner
+from core.config import Config
+from core.device_settings import Scanner
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow, Shown, put_state
 from core.mapping import causes
@@ -64,11 +65,10 @@ def as_scanner(config: Config) -> Config:
         is_plane=False,
         directions=np.array([[1.0, 0.0, 0.0]]),
     )
-    mount = depth.mount_x_m, depth.mount_y_m, depth.mount_z_m
-    angles = depth.mount_roll_deg, depth.mount_tilt_deg, depth.mount_yaw_deg
+    degrees = depth.mount_roll_deg, depth.mount_tilt_deg, depth.mount_yaw_deg
     return replace(
         config,
-        scanner=Scanner(depth.driver, "none", *mount, *angles, OfCamera(spec)),
+        scanner=Scanner(depth.driver, "none", *depth.mount_xyz_m, *degrees, OfCamera(spec)),
         obstacle=replace(config.obstacle, soft_free_below_m=0.0),
     )
 

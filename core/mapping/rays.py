@@ -11,7 +11,7 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from core.config import Scanner
+from core.device_settings import Scanner
 from core.geometry import R_from_rpy
 from core.motion.attitude import AttitudeRing
 from core.motion.path import Place
@@ -174,13 +174,8 @@ class BeamGeometry:
     @classmethod
     def of(cls, scanner: Scanner) -> "BeamGeometry":
         """As the settings have it."""
-        return cls(
-            (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m),
-            math.radians(scanner.mount_roll_deg),
-            math.radians(scanner.mount_tilt_deg),
-            math.radians(scanner.mount_yaw_deg),
-            scanner.options.spec.max_beams,
-        )
+        most = scanner.options.spec.max_beams
+        return cls(scanner.mount_xyz_m, *scanner.mount_rpy_rad, most)
 
     def __init__(
         self,

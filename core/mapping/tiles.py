@@ -12,7 +12,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from core.config import Scanner
+from core.device_settings import Scanner
 from core.mapping.causes import NOT_MAPPED, OUTSIDE
 from core.mapping.footing import FOOTING
 from core.mapping.layers import FILL

@@ -232,8 +232,8 @@ def test_in_the_sun_it_says_that_it_sees_no_line_and_nobody_may_drive_by_it() ->
 
 def test_the_fake_is_mounted_as_its_robots_settings_say() -> None:
     fake, scanner = StripeLoop().fake, RAGNO.scanner
-    options, mount = scanner.options, (scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m)
-    assert fake.mount_m == mount
+    options = scanner.options
+    assert fake.mount_m == scanner.mount_xyz_m
     assert fake.tilt_deg == scanner.mount_tilt_deg
     for name in ("rate_hz", "latency_s", "along", "colour", "line_px", "baseline_m", "laser_deg"):
         assert getattr(fake, name) == getattr(options, name), name

@@ -59,7 +59,7 @@ class DepthLoop(ClosedLoop):
         assert depth is not None
         self.camera = FakeVisionary("t_mini", self.rig.world.met, 1)
         self.camera.memory.written["binningOption"] = BY_FOUR
-        self.camera.mount_m = depth.mount_x_m, depth.mount_y_m, depth.mount_z_m
+        self.camera.mount_m = depth.mount_xyz_m
         self.camera.tilt_deg = depth.mount_tilt_deg
         control, stream = self.depth_ports
         doors = (self.camera.control, control), (self.camera.stream, stream)

@@ -161,7 +161,7 @@ class Rig:
         flat_rays = np.column_stack([np.cos(bearings), np.sin(bearings), np.zeros(n)])
         R_map_body = R_of(self.path.rpy(t_s))
         rays = np.einsum("nij,nj->ni", R_map_body, flat_rays @ R_of(mount)[0].T)
-        arm = np.array([scanner.mount_x_m, scanner.mount_y_m, scanner.mount_z_m])
+        arm = np.array(scanner.mount_xyz_m)
         lenses = self.path.xyz(t_s) + R_map_body @ arm
         ranges_m = self.world.ranges(lenses, rays, t_s, options.spec.echoes)
         step = float(bearings[1] - bearings[0])

@@ -46,15 +46,9 @@ AHEAD_M, ASIDE_M = 8.0, 4.0  # where the effect is told
 
 
 def mount_of(config: Config, maybe_height_m: float | None) -> Mount:
-    scanner = config.scanner
-    return Mount(
-        scanner.mount_x_m,
-        scanner.mount_y_m,
-        scanner.mount_z_m if maybe_height_m is None else maybe_height_m,
-        math.radians(scanner.mount_roll_deg),
-        math.radians(scanner.mount_tilt_deg),
-        math.radians(scanner.mount_yaw_deg),
-    )
+    x_m, y_m, z_m = config.scanner.mount_xyz_m
+    height_m = z_m if maybe_height_m is None else maybe_height_m
+    return Mount(x_m, y_m, height_m, *config.scanner.mount_rpy_rad)
 
 
 def rounded(value: float, error: float) -> str:

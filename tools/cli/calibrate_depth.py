@@ -13,7 +13,8 @@ import sys
 from pathlib import Path
 
 from config_file import load_config
-from core.config import Config, ConfigError, Depth
+from core.config import Config, ConfigError
+from core.device_settings import Depth
 from core.records import DepthImage
 from hw.ports.url import PortUrlError
 from tools.calibration.collect_depth import images_in, watched
@@ -31,14 +32,7 @@ AHEAD_M = 2.0  # where the effect is told
 
 
 def guess_of(depth: Depth) -> Mount:
-    return Mount(
-        depth.mount_x_m,
-        depth.mount_y_m,
-        depth.mount_z_m,
-        math.radians(depth.mount_roll_deg),
-        math.radians(depth.mount_tilt_deg),
-        math.radians(depth.mount_yaw_deg),
-    )
+    return Mount(*depth.mount_xyz_m, *depth.mount_rpy_rad)
 
 
 def rows_of(found: DepthMount) -> dict[str, tuple[float, float]]:

@@ -2,7 +2,7 @@
 
 from datetime import datetime
 
-from core.config import Scanner
+from core.device_settings import Scanner
 from tools.calibration.noted import RANGES_NOTE, maybe_noted
 from tools.doctor.finding import Finding
 

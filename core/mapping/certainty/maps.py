@@ -124,8 +124,7 @@ class CertaintyMaps:
         scanner, robot, settings = config.scanner, config.robot, config.certainty
         self._config, self._settings, self._rules = config, settings, rules_of(config)
         self._geometry = BeamGeometry.of(scanner)
-        mount_deg = scanner.mount_roll_deg, scanner.mount_tilt_deg, scanner.mount_yaw_deg
-        self._R_body_sensor = R_from_rpy(*map(math.radians, mount_deg))
+        self._R_body_sensor = R_from_rpy(*scanner.mount_rpy_rad)
         spec = scanner.options.spec
         assert spec.light_normal is not None  # likewise
         self._is_fan, self._normal_body = spec.is_plane, self._R_body_sensor @ spec.light_normal

@@ -64,19 +64,6 @@ def q_from_R(R: F64) -> F64:
 
 
 @allocating_kernel
-def q_product(a: F64, b: F64) -> F64:
-    """Quaternion (4,) of rotation b followed by rotation a."""
-    return np.array(
-        [
-            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-        ]
-    )
-
-
-@allocating_kernel
 def q_from_rpy(roll_rad: float, pitch_rad: float, yaw_rad: float) -> F64:
     """Unit quaternion (4,) of roll about x, then pitch about y, then yaw about z.
 

@@ -12,21 +12,16 @@ from pathlib import Path
 from fakes.kinect.device import FakeKinect
 from fakes.kinect.dump import write_dump
 from fakes.kinect.sensing import U16
-from fakes.programs.program import stepped, world_of
+from fakes.programs.program import met_of, stepped
 from fakes.programs.serving import say
-from fakes.world.simple import GROUNDS, Ground
+from fakes.world.simple import GROUNDS
 
 NAME = "kinect_dump"
 
 
 def frames(given: argparse.Namespace) -> Iterator[tuple[float, U16]]:
     """Seconds after the first one, and raw values. Raises ValueError, KeyError: no such scene."""
-    world = None
-    if given.scene.partition(":")[0] in ("floor", "wall"):
-        met = Ground(given.scene).met
-    else:
-        world = world_of(given)
-        met = world.met
+    met, world = met_of(given)
     fake, step = FakeKinect(met, given.seed), stepped(world, lambda now_s: None)
     fake.tilt_deg, fake.mount_m = given.tilt, (fake.mount_m[0], 0.0, given.height)
     for number in range(given.frames):

@@ -4,25 +4,15 @@ import argparse
 import struct
 import sys
 
-from fakes.programs.program import Built, parser_of, run, stepped, world_of
-from fakes.world.rotations import F64
-from fakes.world.simple import ROOMS, Room
+from fakes.programs.program import Built, parser_of, ranges_of, run, stepped
+from fakes.world.simple import ROOMS
 
 
 def _build(given: argparse.Namespace) -> Built:
     from fakes.lms1xx import cola
     from fakes.lms1xx.device import FakeLms111
 
-    world = None
-    if given.scene.partition(":")[0] in ("room", "empty", "wall"):
-        ranges_m_at = Room(given.scene).ranges_m_at
-    else:
-        world = world_of(given)
-
-        def ranges_m_at(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
-            ranges_m: F64 = world.ranges_m(times_s, bearings_rad)
-            return ranges_m
-
+    ranges_m_at, world = ranges_of(given)
     fake = FakeLms111(ranges_m_at, given.seed, given.model)
 
     def first(now_s: float) -> None:

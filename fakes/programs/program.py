@@ -17,6 +17,7 @@ from typing import Any
 
 from fakes.programs.serving import Stop, add_options, say, serve
 from fakes.wires.wire import PtyWire, TcpWire
+from fakes.world.simple import Ground, Room
 
 Step = Callable[[float], None]
 Built = tuple[Any, Step]  # a fake, and what to step before its wire
@@ -81,6 +82,22 @@ def world_of(given: argparse.Namespace) -> Any:
     except ImportError as error:
         raise ImportError(f"--scene {given.scene} needs MuJoCo (extra 'sim'): {error}") from None
     return World(given.scene, given.seed)
+
+
+def met_of(given: argparse.Namespace) -> tuple[Any, Any]:
+    """What a camera's rays meet, by its `met`: simple ground or a world; and that world, if any."""
+    if given.scene.partition(":")[0] in ("floor", "wall"):
+        return Ground(given.scene).met, None
+    world = world_of(given)
+    return world.met, world
+
+
+def ranges_of(given: argparse.Namespace) -> tuple[Any, Any]:
+    """What a scanner measures in a simple room or a world; and that world, if any."""
+    if given.scene.partition(":")[0] in ("room", "empty", "wall"):
+        return Room(given.scene).ranges_m_at, None
+    world = world_of(given)
+    return lambda t_first_s, times_s, bearings: world.ranges_m(times_s, bearings), world
 
 
 def stepped(world: Any, first: Step) -> Step:

@@ -9,8 +9,8 @@ Any viewer of web cameras shows it: the address is http://HOST:PORT/stream.
 import argparse
 import sys
 
-from fakes.programs.program import Built, parser_of, run, stepped, world_of
-from fakes.world.simple import GROUNDS, Ground
+from fakes.programs.program import Built, met_of, parser_of, run, stepped
+from fakes.world.simple import GROUNDS
 
 TCP_PORT = 8080
 
@@ -20,12 +20,7 @@ def _build(given: argparse.Namespace) -> Built:
 
     if given.link:
         raise ValueError("--link: a camera is on TCP: --port")
-    world = None
-    if given.scene.partition(":")[0] in ("floor", "wall"):
-        met = Ground(given.scene).met
-    else:
-        world = world_of(given)
-        met = world.met
+    met, world = met_of(given)
     return FakeStripe(met, given.seed), stepped(world, lambda now_s: None)
 
 

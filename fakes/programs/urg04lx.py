@@ -6,9 +6,8 @@ An Ethernet model listens on TCP 10940 unless it is told otherwise.
 import argparse
 import sys
 
-from fakes.programs.program import Built, parser_of, run, stepped, world_of
-from fakes.world.rotations import F64
-from fakes.world.simple import ROOMS, Room
+from fakes.programs.program import Built, parser_of, ranges_of, run, stepped
+from fakes.world.simple import ROOMS
 
 TCP_PORT = 10940
 
@@ -17,16 +16,7 @@ def _build(given: argparse.Namespace) -> Built:
     from fakes.urg04lx.device import FakeUrg04lx
     from fakes.urg04lx.models import MODELS
 
-    world = None
-    if given.scene.partition(":")[0] in ("room", "empty", "wall"):
-        ranges_m_at = Room(given.scene).ranges_m_at
-    else:
-        world = world_of(given)
-
-        def ranges_m_at(t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:
-            ranges_m: F64 = world.ranges_m(times_s, bearings_rad)
-            return ranges_m
-
+    ranges_m_at, world = ranges_of(given)
     fake = FakeUrg04lx(ranges_m_at, given.seed, given.model)
     is_ethernet = MODELS[given.model].wire == "tcp"
     if is_ethernet and given.port is None and not given.link:

@@ -11,11 +11,11 @@ import argparse
 import sys
 from contextlib import ExitStack, closing
 
-from fakes.programs.program import parser_of, stepped, world_of
+from fakes.programs.program import met_of, parser_of, stepped
 from fakes.programs.serving import Stop, say, serve
 from fakes.visionary.models import KINDS, STREAM_PORT
 from fakes.wires.wire import TcpWire
-from fakes.world.simple import GROUNDS, Ground
+from fakes.world.simple import GROUNDS
 
 NAME = "visionary"
 
@@ -25,12 +25,7 @@ def _serve(given: argparse.Namespace, stop: Stop) -> None:
 
     if given.link:
         raise ValueError("--link: a camera is on TCP: --port and --stream-port")
-    world = None
-    if given.scene.partition(":")[0] in ("floor", "wall"):
-        met = Ground(given.scene).met
-    else:
-        world = world_of(given)
-        met = world.met
+    met, world = met_of(given)
     fake, seed = FakeVisionary(given.model, met, given.seed), given.seed
     number = KINDS[given.model].control_port if given.port is None else given.port
     with ExitStack() as opened:

@@ -93,10 +93,6 @@ class Visionary(Device[DepthImage]):
         self._session = silent()
         next(self._session)
 
-    def stream_fileno(self) -> int:
-        """The descriptor that is readable when a frame comes; -1 while there is none."""
-        return self._known.stream.fileno()
-
     @property
     def identity(self) -> str:
         return self._known.identity

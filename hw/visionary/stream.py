@@ -54,10 +54,6 @@ class Stream:
         """Why it is not open, in words."""
         return "" if self._maybe_port is None else self._maybe_port.cause
 
-    def fileno(self) -> int:
-        """The descriptor that is readable when frames come; -1 while there is none."""
-        return -1 if self._maybe_port is None or not self.is_open else self._maybe_port.fileno()
-
     def step(self, now_s: float) -> list[BadFrame]:
         """Read what has come; what of it was no frame."""
         port = self._maybe_port

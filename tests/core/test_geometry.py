@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.geometry import R_from_rpy, check_rotation, q_from_R, q_product, rpy_from_q, wrapped
+from core.geometry import R_from_rpy, check_rotation, q_from_R, rpy_from_q, wrapped
 
 ANGLES = st.floats(-math.pi, math.pi)
 PITCHES = st.floats(-1.5, 1.5)
@@ -30,16 +30,6 @@ def test_angles_survive_the_way_through_matrix_and_quaternion(
     check_rotation(R)
     back = rpy_from_q(q_from_R(R))
     np.testing.assert_allclose(R_from_rpy(*back), R, atol=1e-7)
-
-
-@given(a=st.tuples(ANGLES, PITCHES, ANGLES), b=st.tuples(ANGLES, PITCHES, ANGLES))
-def test_the_product_of_quaternions_is_that_of_their_matrices(
-    a: tuple[float, float, float], b: tuple[float, float, float]
-) -> None:
-    product = q_product(q_from_R(R_from_rpy(*a)), q_from_R(R_from_rpy(*b)))
-    np.testing.assert_allclose(
-        R_from_rpy(*rpy_from_q(product)), R_from_rpy(*a) @ R_from_rpy(*b), atol=1e-7
-    )
 
 
 def test_what_is_no_rotation_is_refused() -> None:

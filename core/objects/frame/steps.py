@@ -36,7 +36,6 @@ Doubt = Literal["", "pose", "image", "no floor"]
 DENSE = 0.75  # of a voxel: so far apart pixels of things are kept where they are nearer
 LEAST_PIXELS = 3
 LEAST_SHARE = 0.3  # of the pixels that the smallest object would fill
-LEAST_PATCHES = 4
 
 
 class CameraPose(NamedTuple):

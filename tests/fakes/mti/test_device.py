@@ -12,8 +12,6 @@ from fakes.mti.messages import Sample
 from tests.support.bench_mti import RATE_RADPS, Bench, counters, frames, messages
 from tests.support.mti_frames import configuration, framed, wire
 
-COUNTER_ONLY = framed(0xD0, b"\0\0")
-
 
 def test_the_start_up_conversation_of_the_sheet_comes_byte_for_byte() -> None:
     before, after = configuration("0012 0004 00000001"), configuration("0032 0006 00000005")

@@ -9,11 +9,6 @@ from tests.fakes.urg04lx.bench import Bench, replies, scan_of, status
 FULL = b"MD0044072501000"
 
 
-def has_right_sums(reply: bytes) -> bool:
-    _, *lines = reply[:-2].split(b"\n")
-    return all((sum(line[:-1]) & 0x3F) + 0x30 == line[-1] for line in lines if line)
-
-
 def streaming(**attributes: object) -> Bench:
     """A bench whose stream of one step is quiet just now."""
     bench = Bench()

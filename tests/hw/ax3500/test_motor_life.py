@@ -16,7 +16,6 @@ DOUBT_S = 1.0  # from any doubt to wheels without power
 SPOILT_S = 1.9  # where the line spoils what we say: the watchdog has to do it
 TOLD_S = 1.2  # until the session has surely asked for status and stop button
 COUNTS = 70.0  # less than this over an outage is not told from no travel, and a bit
-SLOW_LINE_COUNTS = 400.0  # what a late answer may add
 
 
 class MotorLife(RuleBasedStateMachine):

@@ -9,14 +9,13 @@ from hw.modbus.client import Request
 from hw.modbus.image import RegisterImage, View
 from hw.modbus.layout import MOST_READ
 from hw.modbus.network import datagram_requests, take_requests
-from hw.modbus.pdu import SERVED, Access, answer
+from hw.modbus.pdu import Access, answer
 from hw.modbus.rtu import KEPT, RtuReceiver, crc16
 from tests.support.cases import cut, examples
 from tests.support.modbus_rig import START_S, new_image
 
 OURS = frozenset({1, 2})
 READ = bytes.fromhex("01 03 00 00 00 0A C5 CD")
-FUNCTIONS = st.sampled_from(sorted(SERVED))
 WORDS = st.integers(0, 0xFFFF).map(lambda word: word.to_bytes(2, "big"))
 OTHERS = st.integers(3, 255)
 OTHER_TALK = [  # question and answer; of some functions both have the same length

@@ -12,7 +12,6 @@ from tools.terminal.planner_end import WatchingReceiver
 from tools.view.driving import ANOTHER, DEAD_MAN_S, OLD_PICTURE, Driving, Limits
 from tools.view.link_end import LinkEnd
 
-AHEAD_MPS = 0.65  # that `zone_body` allows; behind nothing
 ME, YOU = "me", "you"
 
 

@@ -33,6 +33,31 @@ def arguments() -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--scene", default="corridor", help="shipped scene, or a scene's file")
+    _add_robot(parser)
+    parser.add_argument("--start-delay", type=float, default=3.0, help="seconds before it drives")
+    parser.add_argument("--no-driver", action="store_true", help="wheels obey the wire only")
+    parser.add_argument(
+        "--leave-out", action="append", default=[], choices=DEVICES, help="repeatable"
+    )
+    parser.add_argument(
+        "--sheet-errors", action="store_true", help="sensors err as their sheets say"
+    )
+    parser.add_argument(
+        "--positioning",
+        action="store_true",
+        help="a system that sees the robot, on UDP as a planner",
+    )
+    parser.add_argument("--stamp", type=Path, metavar="FILE", help="when each scan left, into FILE")
+    parser.add_argument(
+        "--truth", type=Path, metavar="FILE", help="the robot's true way, into FILE"
+    )
+    parser.add_argument("--tell", action="store_true", help="say who connects and who leaves")
+    add_options(parser, "DEVICE.NAME")
+    return parser.parse_args()
+
+
+def _add_robot(parser: argparse.ArgumentParser) -> None:
+    """Which devices it has, where they sit, and the ports that they are on."""
     parser.add_argument(
         *("--scanner-port", "--lms"),
         dest="scanner_port",
@@ -68,26 +93,6 @@ def arguments() -> argparse.Namespace:
         "--all-tcp", action="store_true", help="no terminals: these two on free TCP ports as well"
     )
     parser.add_argument("--drive-mode", default="rs232", help="of the controller, as it starts")
-    parser.add_argument("--start-delay", type=float, default=3.0, help="seconds before it drives")
-    parser.add_argument("--no-driver", action="store_true", help="wheels obey the wire only")
-    parser.add_argument(
-        "--leave-out", action="append", default=[], choices=DEVICES, help="repeatable"
-    )
-    parser.add_argument(
-        "--sheet-errors", action="store_true", help="sensors err as their sheets say"
-    )
-    parser.add_argument(
-        "--positioning",
-        action="store_true",
-        help="a system that sees the robot, on UDP as a planner",
-    )
-    parser.add_argument("--stamp", type=Path, metavar="FILE", help="when each scan left, into FILE")
-    parser.add_argument(
-        "--truth", type=Path, metavar="FILE", help="the robot's true way, into FILE"
-    )
-    parser.add_argument("--tell", action="store_true", help="say who connects and who leaves")
-    add_options(parser, "DEVICE.NAME")
-    return parser.parse_args()
 
 
 def rig_of(given: argparse.Namespace, scene: "Scene") -> "Rig":

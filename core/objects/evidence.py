@@ -61,6 +61,42 @@ def _find_lacking(
                     lacks[a, b] = 1
 
 
+@kernel
+def _pick(
+    units: F32, ranges: F32, kinds: U8, up: tuple[float, float, float], lens_m: float, edge: int,
+    bars: tuple[float, float], i: int, j: int, is_lacking: bool,
+) -> tuple[int, int]:  # fmt: skip
+    """Of the block at row i, column j the pixel for a ray, and the nearest that bars the way.
+
+    Flat indices, -1: none. Floor is not told where the block is lacking.
+    """
+    rows, columns = ranges.shape
+    least = SEVERAL if edge > 1 else 1
+    things = pits = tall = 0
+    thing = pit = ground = high = -1  # flat: nearest, last, in the middle, nearest tall one
+    near_m, tall_m, off = np.float32(math.inf), np.float32(math.inf), 4 * edge
+    for a in range(i, min(i + edge, rows)):
+        for b in range(j, min(j + edge, columns)):
+            here, kind, r = a * columns + b, kinds[a, b], ranges[a, b]
+            if kind == THING:
+                things += 1
+                if r < near_m:
+                    near_m, thing = r, here
+                if bars[0] <= lens_m + r * _rise(units, a, b, up) <= bars[1]:
+                    tall += 1
+                    if r < tall_m:
+                        tall_m, high = r, here
+            elif kind == PIT:
+                pits += 1
+                pit = here
+            elif kind == FLOOR and not is_lacking:
+                away = abs(2 * (a - i) + 1 - edge) + abs(2 * (b - j) + 1 - edge)
+                if away < off:
+                    off, ground = away, here
+    best = thing if things >= least else (pit if pits >= least else ground)
+    return best, high if tall >= least else -1
+
+
 @releasing_kernel
 def _gather(
     units: F32, ranges: F32, kinds: U8, up: tuple[float, float, float], lens_m: float, edge: int,
@@ -75,41 +111,20 @@ def _gather(
         lacks: by blocks, 1: floor of it is not told.
     """
     rows, columns = ranges.shape
-    least = SEVERAL if edge > 1 else 1
     count = points = 0
     for i in range(0, rows, edge):
         for j in range(0, columns, edge):
-            things = pits = tall = 0
-            thing = pit = ground = high = -1  # flat: nearest, last, in the middle, nearest tall one
-            near_m, tall_m, off = np.float32(math.inf), np.float32(math.inf), 4 * edge
-            for a in range(i, min(i + edge, rows)):
-                for b in range(j, min(j + edge, columns)):
-                    here, kind, r = a * columns + b, kinds[a, b], ranges[a, b]
-                    if kind == THING:
-                        things += 1
-                        if r < near_m:
-                            near_m, thing = r, here
-                        if bars[0] <= lens_m + r * _rise(units, a, b, up) <= bars[1]:
-                            tall += 1
-                            if r < tall_m:
-                                tall_m, high = r, here
-                    elif kind == PIT:
-                        pits += 1
-                        pit = here
-                    elif kind == FLOOR:
-                        away = abs(2 * (a - i) + 1 - edge) + abs(2 * (b - j) + 1 - edge)
-                        if away < off:
-                            off, ground = away, here
-            if lacks[i // edge, j // edge] == 1:
-                ground = -1
-            best = thing if things >= least else (pit if pits >= least else ground)
+            is_lacking = lacks[i // edge, j // edge] == 1
+            best, high = _pick(
+                units, ranges, kinds, up, lens_m, edge, bars, i, j, is_lacking
+            )  # fmt: skip
             if best >= 0 and count < rays.shape[0]:
                 a, b = best // columns, best % columns
                 for n in range(3):
                     rays[count, n] = units[n, a, b]
                 rays[count, 3] = ranges[a, b]
                 count += 1
-            if tall >= least and points < standing.shape[0]:
+            if high >= 0 and points < standing.shape[0]:
                 a, b = high // columns, high % columns
                 for n in range(3):
                     standing[points, n] = ranges[a, b] * units[n, a, b]

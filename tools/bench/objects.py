@@ -53,6 +53,22 @@ def cut(image: DepthImage) -> DepthImage:
     return DepthImage(0.0, np.ascontiguousarray(image.numbers[here]), camera, 0, 0.0)
 
 
+def hulls_of(room: Room, lens_m: float, count: int, found: int) -> list[F64]:
+    """Around what `count` voxels in `found` clusters are of, m on the floor."""
+    edge_m, things = KINECT.voxel_m, int(room.points.found[0])
+    outlines.measure(room.voxels, count, room.labels, lens_m, room.measures, found)
+    outlines.outline(
+        room.points, 0, 1, things, edge_m, room.voxels, count, room.labels, room.columns,
+        room.measures, found,
+    )  # fmt: skip
+    gap_m = np.full(found, KINECT.cluster_m)
+    hulls.rings(
+        room.columns.x, room.columns.y, room.measures.begin, edge_m, room.measures.columns,
+        gap_m, found, room.rings,
+    )  # fmt: skip
+    return hulls.polygons_of(room.rings, found, edge_m, KINECT.hull_m)
+
+
 def our_steps(steps: FrameSteps, image: DepthImage, pose: CameraPose) -> list[Step]:
     """The costly ones, each on what the whole frame leaves in its arrays."""
     steps.find(image, pose, NO_WALLS)
@@ -82,19 +98,6 @@ def our_steps(steps: FrameSteps, image: DepthImage, pose: CameraPose) -> list[St
 
     found = cluster()
 
-    def hull() -> list[F64]:
-        outlines.measure(room.voxels, count, room.labels, lens_m, room.measures, found)
-        outlines.outline(
-            room.points, 0, 1, things, edge_m, room.voxels, count, room.labels, room.columns,
-            room.measures, found,
-        )  # fmt: skip
-        gap_m = np.full(found, cluster_m)
-        hulls.rings(
-            room.columns.x, room.columns.y, room.measures.begin, edge_m, room.measures.columns,
-            gap_m, found, room.rings,
-        )  # fmt: skip
-        return hulls.polygons_of(room.rings, found, edge_m, KINECT.hull_m)
-
     def seen() -> F64:
         view.reaches(room.fan, room.down_rad / lens_m, KINECT.low_m, room.near, room.far)
         return view.view_of(room.near, room.far, room.fan)
@@ -104,7 +107,7 @@ def our_steps(steps: FrameSteps, image: DepthImage, pose: CameraPose) -> list[St
         Step("points and kinds", lambda: steps.classify(level, plane, C), "points"),
         Step("voxels", thin, "voxel_down_sample"),
         Step("clusters", cluster, "cluster_dbscan"),
-        Step("outlines and hulls", hull, "convex hulls"),
+        Step("outlines and hulls", lambda: hulls_of(room, lens_m, count, found), "convex hulls"),
         Step("seen space", seen, ""),
     ]
 

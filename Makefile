@@ -188,7 +188,7 @@ terrain: setup $(VENV)/.ready-camera ## docs/terrain.md's maps of centimetres, b
 fuzz: setup $(VENV)/.ready-test $(VENV)/.ready-fuzz ## all that takes bytes from outside: guided, then long inputs; then the C header [MINUTES=10 each; KEEP=1: count it, keep new inputs]
 	@$(BIN)/python -m tools.fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) $(if $(KEEP),--count --keep)
 	@$(BIN)/python -m tools.fuzz --streams --seconds $$(( 60 * $(or $(MINUTES),10) )) $(if $(KEEP),--count)
-	@$(BIN)/python -m tests.support.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
+	@$(BIN)/python -m tests.support.link.c_fuzz --seconds $$(( 60 * $(or $(MINUTES),10) )) --seed $(SEED)
 
 mcu: setup $(VENV)/.ready-test ## code, state and stack of hw/mcu/mapod_link.h on Cortex-M0, M3, M4
 	@$(BIN)/python -m tools.rig.c_sizes header

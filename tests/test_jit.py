@@ -14,7 +14,7 @@ from numba.core.errors import TypingError
 from core.records import F64
 from jit import COMPILED, Settled, kernel, releasing_kernel
 from tests import Patch
-from tests.support.plain_user import as_plain_user
+from tests.support.machine.plain_user import as_plain_user
 
 LOW = '''
 from typing import NamedTuple

@@ -19,8 +19,8 @@ from core.summary import describe_robot
 from logs import LOG, set_up_logging
 from recording.mcap_stream import McapStream
 from tests import ROOT, Capsys
-from tests.support.recorded import RecordedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.recorded import RecordedLoop
+from tests.support.robot.shipped import shipped
 from tools.cli.command import main
 from tools.cli.view import PAGE_AT
 from tools.foxglove_bridge import LOOPBACK

@@ -1,4 +1,4 @@
-/* What section 12 of the protocol counts as the decoder, for measuring it: see tests/support/c_sizes.py.
+/* What section 12 of the protocol counts as the decoder, for measuring it: see tools/rig/c_sizes.py.
  *
  * Init, feed byte or datagram, cell, newest pose, suspect, stale, build ACK. No program.
  */

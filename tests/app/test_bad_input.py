@@ -26,8 +26,8 @@ from map_files import load_map
 from tests import ROOT, Capsys, Patch
 from tests.app.bad_input import frames, rows_of
 from tests.app.bad_input.files import KEYS, MAPS, RECORDINGS, SCENES, SETTINGS
-from tests.support.plain_user import as_plain_user
-from tests.support.shipped import TEXT, shipped
+from tests.support.machine.plain_user import as_plain_user
+from tests.support.robot.shipped import TEXT, shipped
 from tools.cli.command import main
 
 OPTIONAL = (

@@ -13,7 +13,7 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.scenes.scene import Scene
 from fakes.scenes.solids import Solid
 from tests import ROOT
-from tests.support.closed_loop import ClosedLoop, heights_of
+from tests.support.robot.closed_loop import ClosedLoop, heights_of
 
 SOLIDS = (
     Solid("pavement", (-5.0, 30.0), (-1.63, 1.63), (-1.0, 0.0)),

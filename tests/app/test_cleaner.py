@@ -12,7 +12,7 @@ from fakes.scenes.scene import Scene, Solid
 from recording.reader import Recording
 from recording.records import PLANNED
 from tests import ROOT
-from tests.support.depth_loop import DepthLoop
+from tests.support.robot.depth_loop import DepthLoop
 from tools.replay.player import Player
 
 UP = (-1.0, 2.5)

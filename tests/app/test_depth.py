@@ -23,8 +23,8 @@ from map_files import ObjectsSaver, load_objects
 from recording.reader import Recording
 from recording.records import SEEN
 from tests import ROOT
-from tests.support.depth_loop import DepthLoop, hall, with_camera
-from tests.support.shipped import shipped
+from tests.support.robot.depth_loop import DepthLoop, hall, with_camera
+from tests.support.robot.shipped import shipped
 from tools.replay.player import Player
 
 BOX = Solid("box", (1.6, 2.0), (-0.3, 0.3), (0.0, 0.4))  # nearer than the laser meets the floor

@@ -12,8 +12,8 @@ from fakes.kinect.faults import Form
 from fakes.kinect.sensing import Lens
 from fakes.scenes.scene import Solid
 from fakes.wires.wire import Wire
-from tests.support.depth_loop import DepthLoop, hall
-from tests.support.shipped import shipped
+from tests.support.robot.depth_loop import DepthLoop, hall
+from tests.support.robot.shipped import shipped
 
 BOX = Solid("box", (1.6, 2.0), (-0.3, 0.3), (0.0, 0.4))  # nearer than the laser meets the floor
 SMALL = Lens((160, 120), (145.0, 145.0), (79.5, 59.5))

@@ -16,8 +16,8 @@ from main import SETTLE_S
 from mapod_link.asking import drive_body
 from mapod_link.frames import DRIVE, bytes_from_frame
 from tests.support.cases import few
-from tests.support.closed_loop import SESSION, ClosedLoop
-from tests.support.shipped import FLOOR, shipped
+from tests.support.robot.closed_loop import SESSION, ClosedLoop
+from tests.support.robot.shipped import FLOOR, shipped
 
 FRONT_M = 0.50  # of the simulated chassis, ahead of the axle
 TO_DRIVE = ("drive", "h2d")

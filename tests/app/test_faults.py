@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from core.records import FREE
 from tests.support.cases import examples, few
-from tests.support.closed_loop import ClosedLoop
+from tests.support.robot.closed_loop import ClosedLoop
 
 DEVICES = ("scanner", "ahrs", "drive")
 HEALTH_BIT = {"scanner": 1 << 0, "ahrs": 1 << 1, "drive": 1 << 2}

@@ -10,8 +10,8 @@ import pytest
 
 from hw.device import DeviceStatus
 from hw.ports.sockets import CONNECT_S
-from tests.support.closed_loop import ClosedLoop
-from tests.support.house import OK, House
+from tests.support.robot.closed_loop import ClosedLoop
+from tests.support.robot.house import OK, House
 
 DEVICES = ("scanner", "ahrs", "drive")
 # Of a device that is back; the wire itself takes up to half a second of the scanner's one.

@@ -11,8 +11,8 @@ import pytest
 from core.motion.odometry import Odometry
 from hw.runtime.threads import LINES, LogWriter
 from logs import LOG, person_line, set_up_logging
-from tests.support.closed_loop import ClosedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.closed_loop import ClosedLoop
+from tests.support.robot.shipped import shipped
 
 CONFIG = shipped(log={"format": "json", "level": "debug"})
 MANY = LINES + 5000  # more than wait, and than a pipe of 64 KiB holds

@@ -8,9 +8,9 @@ import pytest
 from core.records import I8
 from fakes.scenes.scene import Scene
 from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
-from tests.support.closed_loop import ClosedLoop
-from tests.support.modbus_rig import rows_of, words
-from tests.support.shipped import FLOOR, shipped
+from tests.support.machine.modbus_rig import rows_of, words
+from tests.support.robot.closed_loop import ClosedLoop
+from tests.support.robot.shipped import FLOOR, shipped
 
 OFFERED = {"port": "tcp://127.0.0.1:5020"}
 READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}

@@ -15,7 +15,7 @@ from fakes.scenes.scene import Solid
 from logs import LOG, set_up_logging
 from tests.app.test_drive import FRONT_M, Commander, driving
 from tests.support.cases import few
-from tests.support.shipped import FLOOR, shipped
+from tests.support.robot.shipped import FLOOR, shipped
 
 STEP_S = 0.005
 

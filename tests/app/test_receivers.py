@@ -11,8 +11,8 @@ from core.records import FREE, OBSTACLE
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.wires.wire import MemoryPort
 from mapod_link import serial_from_frame
-from tests.support.closed_loop import SESSION, ClosedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.closed_loop import SESSION, ClosedLoop
+from tests.support.robot.shipped import shipped
 from wiring import open_ports
 
 URLS = ["udp://127.0.0.1:9750", "serial:///dev/planner?baud=921600", "udp://127.0.0.1:9751"]

@@ -7,7 +7,7 @@ import pytest
 
 from hw.lms1xx.session import Lms111
 from tests import ROOT
-from tests.support.shipped import shipped
+from tests.support.robot.shipped import shipped
 from tools.cli.replay import SHIPPED_RECORDING, config_for_recording
 from tools.replay.laser import LaserReplay
 from tools.replay.outcome import Outcome, Tally

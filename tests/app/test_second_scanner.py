@@ -18,8 +18,8 @@ from core.records import F64, PointSweep, ScannerSpec
 from fakes.scenes.scene import Scene
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session, Tick
 from hw.registry import SCANNERS, Driver, Surroundings
-from tests.support.closed_loop import ClosedLoop
-from tests.support.shipped import FLOOR, shipped
+from tests.support.robot.closed_loop import ClosedLoop
+from tests.support.robot.shipped import FLOOR, shipped
 
 HEAD = struct.Struct("<2sHH")  # "2P", counter, rays; then millimetres, u16 each
 PLANES_RAD, FAN_RAD, RAYS = (0.0, math.radians(3.0)), math.radians(60.0), 122

@@ -25,9 +25,9 @@ from map_files import MapSaver, load_map, write_map
 from tests import ROOT, Capsys
 from tests.app.test_drive import START_S, Commander
 from tests.support.cases import few
-from tests.support.closed_loop import SESSION, ClosedLoop
-from tests.support.modbus_rig import free_port, read_request, words_of
-from tests.support.shipped import TEXT, shipped
+from tests.support.machine.modbus_rig import free_port, read_request, words_of
+from tests.support.robot.closed_loop import SESSION, ClosedLoop
+from tests.support.robot.shipped import TEXT, shipped
 from tools.settings import rewritten
 
 Ended = tuple[ClosedLoop, Arrays]

@@ -10,8 +10,8 @@ from core.saved.encoding import StateError
 from core.saved.state import state_of
 from fakes.scenes.scene import Scene, Solid
 from tests.support.cases import examples
-from tests.support.closed_loop import ClosedLoop
-from tests.support.shipped import FLOOR, shipped
+from tests.support.robot.closed_loop import ClosedLoop
+from tests.support.robot.shipped import FLOOR, shipped
 
 BOX = Solid("box", (3.41, 4.19), (-0.79, 0.79), (0.0, 0.9))
 IN_THE_BOX_M = ((3.7, -0.5), (3.9, 0.1), (3.7, 0.5))

@@ -14,8 +14,8 @@ from fakes.scenes.scene import Scene, Solid
 from fakes.stripe.device import FakeStripe
 from tests import ROOT
 from tests.support.cases import few
-from tests.support.closed_loop import ClosedLoop, told_heights
-from tests.support.shipped import FLOOR
+from tests.support.robot.closed_loop import ClosedLoop, told_heights
+from tests.support.robot.shipped import FLOOR
 from tools.rig.loop import SESSION
 
 pytest.importorskip("cv2", reason="needs OpenCV: pip install 'mapod[camera]'")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.support.cases import few
-from tests.support.closed_loop import ClosedLoop, Comparison, compare
+from tests.support.robot.closed_loop import ClosedLoop, Comparison, compare
 
 EVERY_S = 3.0
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from app import TURNS, App, LinkPace
 from core.driving.control import LOOP_S
 from core.driving.health import NO_OVERRUN
-from tests.support.closed_loop import ClosedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.closed_loop import ClosedLoop
+from tests.support.robot.shipped import shipped
 from wiring import no_ports
 
 FINE_HZ = 1000  # steps of the simulated world

@@ -13,7 +13,7 @@ from core.records import F64, FREE, I64, OBSTACLE
 from fakes.scenes.scene import load_scene
 from fakes.scenes.solids import Shape
 from tests import ROOT
-from tests.support.closed_loop import ClosedLoop
+from tests.support.robot.closed_loop import ClosedLoop
 from tools.experiments.terrain.feet import true_step_m
 
 MESSOR = with_changes(

@@ -30,7 +30,7 @@ COLD = """
 import json, sys
 from app import warm_kernels
 from tests.app.test_warm import cold_kernels
-from tests.support.shipped import shipped
+from tests.support.robot.shipped import shipped
 sections = json.loads(sys.argv[1])
 warm_kernels(shipped(**sections))
 print(*cold_kernels(sections.get("map", {}).get("method", "surface")), sep="\\n")

@@ -12,8 +12,8 @@ from fakes.world.trajectory import Way, stand, straight
 from fakes.world.world import Wheels
 from tests import ROOT
 from tests.support.cases import few
-from tests.support.closed_loop import ClosedLoop, compare
-from tests.support.shipped import shipped
+from tests.support.robot.closed_loop import ClosedLoop, compare
+from tests.support.robot.shipped import shipped
 
 CART = with_changes(
     load_config((ROOT / "robots" / "cart.toml").read_text(encoding="utf-8")),

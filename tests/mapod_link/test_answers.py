@@ -26,7 +26,7 @@ from mapod_link.frames import (
     tag_is_right,
 )
 from mapod_link.receiver import Receiver
-from tests.support.planner_sender import (
+from tests.support.link.planner_sender import (
     NONCE,
     SESSION,
     VECTORS,

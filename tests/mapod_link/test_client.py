@@ -24,7 +24,7 @@ from mapod_link.client import Link
 from mapod_link.frames import ACK, ASK, DRIVE, GEOM, HELLO, MAP, POSE
 from mapod_link.serial_line import Deframer, serial_from_frame
 from mapod_link.wires import SO_TIMESTAMPNS, SerialWire, StreamWire, UdpWire, arrival_s
-from tests.support.planner_sender import (
+from tests.support.link.planner_sender import (
     NONCE,
     SESSION,
     geom_body,

@@ -34,7 +34,7 @@ from mapod_link.serial_line import (
     serial_from_frame,
 )
 from mapod_link.tiles import maybe_tile_piece
-from tests.support.planner_sender import NONCE, SESSION, VECTORS, op, vector
+from tests.support.link.planner_sender import NONCE, SESSION, VECTORS, op, vector
 
 FRAMES = sorted(name.removesuffix("_serial") for name in VECTORS if name.endswith("_serial"))
 SIGNED = sorted(name for name in VECTORS if name.endswith("_auth"))

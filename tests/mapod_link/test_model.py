@@ -12,7 +12,7 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 from mapod_link.frames import DIGEST, GEOM, MAP, POSE, STOP_ZONE, bytes_from_frame
 from mapod_link.receiver import Receiver
 from tests.support.cases import examples
-from tests.support.planner_sender import NONCE, geom_body, map_body, op, pose_body, zone_body
+from tests.support.link.planner_sender import NONCE, geom_body, map_body, op, pose_body, zone_body
 from tools.conformance.slow_receiver import SlowReceiver
 
 RUNS = st.lists(st.tuples(st.integers(0, 3), st.integers(1, 70)), max_size=6)

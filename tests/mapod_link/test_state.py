@@ -14,7 +14,7 @@ from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN, Geometry, Pose
 from mapod_link.frames import DIGEST, GEOM, MAP, POSE, SCAN, STOP_ZONE, TILE
 from mapod_link.receiver import Receiver
 from tests.support.cases import cut, examples
-from tests.support.planner_sender import (
+from tests.support.link.planner_sender import (
     NONCE,
     SESSION,
     STOPS,

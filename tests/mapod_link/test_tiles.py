@@ -18,7 +18,7 @@ from mapod_link.frames import ASK, GEOM, HELLO, TILE, bytes_from_frame, frame_fr
 from mapod_link.receiver import Receiver
 from mapod_link.tiles import Tile
 from tests.support.cases import examples
-from tests.support.planner_sender import NONCE, geom_body
+from tests.support.link.planner_sender import NONCE, geom_body
 
 RAW: dict[int, tuple[int, ...]] = {
     0: (0, 1, 2),

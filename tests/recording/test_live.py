@@ -9,7 +9,7 @@ import pytest
 
 from recording.reader import Recording
 from recording.records import READABLE, TURN
-from tests.support.house import House
+from tests.support.robot.house import House
 from tools.replay.player import Player
 
 pytestmark = pytest.mark.real_time

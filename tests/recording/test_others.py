@@ -14,8 +14,8 @@ from core.records import F64, FREE, OBSTACLE
 from recording.reader import Recording
 from recording.schemas import SCHEMAS, TOPICS
 from tests.recording.test_foxglove import cell_at, lacks
-from tests.support.recorded import RecordedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.recorded import RecordedLoop
+from tests.support.robot.shipped import shipped
 from tools.export.collect import collect_points, trusted_layer
 from tools.replay.player import Player
 

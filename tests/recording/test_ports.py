@@ -9,7 +9,7 @@ from hw.ports.url import parse_url
 from hw.ports.wires import open_port
 from recording.ports import RecordedPort, abilities, recorded
 from recording.records import CHANGED, IN, LOST, OPENED, OUT, PORT_STATE, READ_ENDED
-from tests.support.recorded import ListTap
+from tests.support.robot.recorded import ListTap
 
 
 def told(tap: ListTap) -> list[tuple[bytes, bytes]]:

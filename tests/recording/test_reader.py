@@ -26,8 +26,8 @@ from recording.mcap_stream import (
 from recording.mcap_stream import METADATA as OF_METADATA
 from recording.reader import Recording, first_metadata
 from recording.records import CHECK, HEALTH, LOGS, METADATA, Record, RecordingError, with_check
-from tests.support.recorded import RecordedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.recorded import RecordedLoop
+from tests.support.robot.shipped import shipped
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from fakes.scenes.scene import Scene, Solid
 from recording.foxglove import Messages, RobotShape
 from recording.packing import Heights, scan_from, state_from
 from recording.records import FLIGHT, HEIGHTS, SCAN, STATE, Record
-from tests.support.recorded import ListTap, RecordedLoop
-from tests.support.shipped import FLOOR, shipped
+from tests.support.robot.recorded import ListTap, RecordedLoop
+from tests.support.robot.shipped import FLOOR, shipped
 
 READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}
 

@@ -8,8 +8,8 @@ from fakes.scenes.scene import Scene
 from hw.modbus.layout import DRIVE
 from recording.reader import Recording
 from recording.records import ASK, CHANGED, RESTORED, STOP
-from tests.support.recorded import RecordedLoop
-from tests.support.shipped import FLOOR, shipped
+from tests.support.robot.recorded import RecordedLoop
+from tests.support.robot.shipped import FLOOR, shipped
 from tools.replay.player import Player
 
 READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}

@@ -26,8 +26,8 @@ from recording.records import (
     RecordingError,
 )
 from recording.writer import Writer
-from tests.support.recorded import ListTap, RecordedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.recorded import ListTap, RecordedLoop
+from tests.support.robot.shipped import shipped
 
 MB = 1_000_000
 PLANNER = 3  # its port

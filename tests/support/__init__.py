@@ -1,1 +1,1 @@
-"""What several tests share: benches, scripted devices, slow models."""
+"""What several tests share: rooms, and here counts of cases, papers, and jobs of sweeps."""

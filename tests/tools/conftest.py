@@ -3,7 +3,7 @@
 import pytest
 
 from tests import Patch
-from tests.support.simulated_lines import SimulatedLines
+from tests.support.devices.simulated_lines import SimulatedLines
 from tools.cli import conversation
 
 

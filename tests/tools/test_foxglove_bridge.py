@@ -18,7 +18,7 @@ from mapod_link.frames import GEOM, MAP, POSE, STOP_ZONE, bytes_from_frame
 from mapod_link.receiver import Receiver
 from recording.foxglove import Message, Messages, RobotShape, Topical
 from tests import ROOT
-from tests.support.planner_sender import (
+from tests.support.link.planner_sender import (
     NONCE,
     Line,
     geom_body,

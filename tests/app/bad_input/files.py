@@ -6,7 +6,7 @@ import struct
 import zipfile
 
 from core.saved.encoding import COMMENT_BYTES, MARK
-from tests.support.shipped import TEXT
+from tests.support.robot.shipped import TEXT
 
 MCAP = b"\x89MCAP0\r\n"
 DEEP = 5000

@@ -14,7 +14,7 @@ from core.geometry import R_from_rpy, q_from_R
 from core.mapping.method import MAX_SLOPE_RAD
 from core.records import Attitude, DriveRequest, WheelCounts
 from tests import ROOT
-from tests.support.monitored_robot import CONFIG, SHORT_S, TICK_S, Robot, attitude
+from tests.support.robot.monitored_robot import CONFIG, SHORT_S, TICK_S, Robot, attitude
 
 
 def test_a_robot_in_order_gets_its_power_and_halts_are_counted() -> None:

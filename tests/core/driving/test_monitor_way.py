@@ -13,7 +13,7 @@ from core.driving import monitor
 from core.driving.monitor import Place, Powers
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cases import examples
-from tests.support.monitored_robot import CONFIG, ROBOT, SHORT_S, TICK_S, Robot
+from tests.support.robot.monitored_robot import CONFIG, ROBOT, SHORT_S, TICK_S, Robot
 
 REACH_M = math.hypot(0.52, 0.30)
 

@@ -10,7 +10,7 @@ from core.grid.window import ObstacleWindow
 from core.mapping.combined import CombinedMaps, _combine, states_of
 from core.mapping.mapper import Mapper
 from core.records import FREE, OBSTACLE, UNKNOWN, PointSweep
-from tests.support.depth_loop import with_camera
+from tests.support.robot.depth_loop import with_camera
 
 SIZE, CELL_M = 7, 0.2
 Cells = dict[tuple[int, int], int]

@@ -13,9 +13,9 @@ from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.freshness import SWEEP_S, Freshness
 from core.records import FREE, OBSTACLE, UNKNOWN, StopZoneReport
-from tests.support.cell_rig import SCAN_S, CellRig, Point, floor_at
-from tests.support.flat_ride import Ride, Rig, config_of, state_at
-from tests.support.flat_world import World
+from tests.support.maps.cell_rig import SCAN_S, CellRig, Point, floor_at
+from tests.support.maps.flat_ride import Ride, Rig, config_of, state_at
+from tests.support.maps.flat_world import World
 
 HERE = (2.1, 0.1)
 FOOTPRINT = (0.5, 0.25, 0.25)  # ahead, behind, to either side

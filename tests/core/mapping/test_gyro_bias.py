@@ -8,8 +8,8 @@ import pytest
 from core.records import OBSTACLE
 from jit import COMPILED
 from tests.support.cases import few
-from tests.support.flat_ride import Ride, Rig, config_of, places_where
-from tests.support.flat_world import World, kerb
+from tests.support.maps.flat_ride import Ride, Rig, config_of, places_where
+from tests.support.maps.flat_world import World, kerb
 
 KERB_M, STANDS_S = 9.53, 4.0
 LANES_M = (-0.3, -0.1, 0.1, 0.3)  # the cells that the robot's width of 0.6 m covers

@@ -11,8 +11,8 @@ from core.mapping.freshness import SWEEP_S
 from core.mapping.rays import Sweep
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cases import examples
-from tests.support.cell_rig import LENS_M, SCAN_S, CellRig, Point, sweep_to
-from tests.support.shipped import shipped
+from tests.support.maps.cell_rig import LENS_M, SCAN_S, CellRig, Point, sweep_to
+from tests.support.robot.shipped import shipped
 
 MAX_AGE_S = 4.0
 SIZE, WINDOW = 31, 21

@@ -13,7 +13,7 @@ from core.mapping.shadows import ShadowFilter, drop_shadows
 from core.records import F64, PointSweep, Scan
 from tests import ROOT
 from tests.support.cases import examples
-from tests.support.slow_certainty import shadows_left
+from tests.support.maps.slow_certainty import shadows_left
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 STEP_RAD = math.radians(0.36)

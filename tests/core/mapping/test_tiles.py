@@ -15,7 +15,7 @@ from core.mapping.tiles import MOST_POINTS, TileValues
 from core.records import FREE, OBSTACLE, Scan
 from tests import ROOT
 from tests.support.cases import examples
-from tests.support.closed_loop import START_S, ClosedLoop
+from tests.support.robot.closed_loop import START_S, ClosedLoop
 
 LAYERS = ("state", "height", "variance", "slope", "z", *FOOTING, *FILL)
 F32 = npt.NDArray[np.float32]

@@ -12,7 +12,7 @@ from core.geometry import wrapped
 from core.motion.external_pose import is_sound
 from core.records import ExternalPose
 from tests.support.cases import few
-from tests.support.turning_robot import Errors, Robot
+from tests.support.robot.turning_robot import Errors, Robot
 
 RAD = math.radians
 SIGMA_M, SIGMA_RAD, TURN_RAD = 0.03, RAD(0.5), 0.7

@@ -13,7 +13,7 @@ from core.motion.odometry import EXTRAPOLATED_S, Odometry
 from core.records import Attitude, ExternalPose, WheelCounts
 from tests.core.motion.test_attitude import attitude
 from tests.support.cases import examples
-from tests.support.turning_robot import Errors, Robot
+from tests.support.robot.turning_robot import Errors, Robot
 
 TRACK_M, COUNTS_PER_M = 0.5, 2000 / (2 * math.pi * 0.15)
 

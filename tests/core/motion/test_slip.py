@@ -6,8 +6,8 @@ import pytest
 
 from core.motion.slip import GAP_M, MOST_SLIP, STRETCH_M, SlipEstimator
 from tests.support.cases import few
-from tests.support.flat_ride import Ride, Rig, config_of
-from tests.support.flat_world import Box, Solid, World
+from tests.support.maps.flat_ride import Ride, Rig, config_of
+from tests.support.maps.flat_world import Box, Solid, World
 
 SHELVES: tuple[Solid, ...] = tuple(
     Box((8.0 + 2 * k, y, 0.0), (8.4 + 2 * k, y + 0.6, 1.5))

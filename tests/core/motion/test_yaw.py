@@ -12,7 +12,7 @@ from core.geometry import R_from_rpy, q_from_rpy, wrapped
 from core.motion.attitude import AttitudeRing
 from core.records import Attitude
 from tests.support.cases import examples, few
-from tests.support.turning_robot import Errors, Robot
+from tests.support.robot.turning_robot import Errors, Robot
 
 RAD = math.radians
 STOOD_S, DROVE_S = 4.0, 5.0  # as a run of a campaign stands at first

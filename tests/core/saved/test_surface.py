@@ -12,8 +12,8 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from core.saved.encoding import Arrays, StateError, arrays_from_bytes, bytes_from_arrays
 from core.saved.state import restore, state_of
 from core.saved.surface import KEPT
-from tests.support.flat_ride import Ride, Rig, config_of, places_where, state_at
-from tests.support.flat_world import Box, Profile, World, ditch, kerb
+from tests.support.maps.flat_ride import Ride, Rig, config_of, places_where, state_at
+from tests.support.maps.flat_world import Box, Profile, World, ditch, kerb
 
 CONFIG = config_of()
 LATER_S = 5000.0

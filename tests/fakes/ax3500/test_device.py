@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fakes.ax3500.encoders import hex_from_counter
-from tests.support.bench_ax3500 import Bench
+from tests.support.devices.bench_ax3500 import Bench
 
 LOW, HIGH = -(2**31), 2**31 - 1
 SHEET_COUNTERS = [  # section 5; those of the manual and those that follow from its rule

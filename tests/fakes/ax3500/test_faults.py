@@ -6,7 +6,7 @@ import pytest
 
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Model
-from tests.support.bench_ax3500 import Bench
+from tests.support.devices.bench_ax3500 import Bench
 
 
 def test_entering_rs232_mode_takes_the_vehicle_from_its_radio() -> None:

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from fakes.ax3500.line import CHARACTER_S
 from fakes.ax3500.properties import Mode
-from tests.support.bench_ax3500 import Bench
 from tests.support.cases import examples
+from tests.support.devices.bench_ax3500 import Bench
 
 PROMPT = b"Roboteq v1.9b 06/01/07\rs\rEncoder v1.7\r00\r"
 MODES: list[Mode] = ["rc", "rs232", "rs232_watchdog", "analog"]

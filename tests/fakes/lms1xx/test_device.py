@@ -12,7 +12,7 @@ import pytest
 
 from fakes.lms1xx.cola import packed, written
 from fakes.lms1xx.scan import Channel, ScanTelegram
-from tests.support.bench_lms111 import (
+from tests.support.devices.bench_lms111 import (
     F64,
     START_S,
     Bench,
@@ -21,7 +21,7 @@ from tests.support.bench_lms111 import (
     raw_of,
     scans_of,
 )
-from tests.support.lms111_vectors import FRAMES, TEXTS, framed
+from tests.support.devices.lms111_vectors import FRAMES, TEXTS, framed
 
 
 def test_each_answer_printed_in_the_sheet_comes_byte_for_byte() -> None:

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fakes.lms1xx.device import Client, FakeLms111
-from tests.support.bench_lms111 import START_S, Bench, five_metres, payloads
 from tests.support.cases import examples
-from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
+from tests.support.devices.bench_lms111 import START_S, Bench, five_metres, payloads
+from tests.support.devices.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 
 @pytest.mark.parametrize("run_first", [True, False], ids=["Run, then ready", "ready, then Run"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fakes.lms1xx.device import FakeLms111
-from tests.support.bench_lms111 import (
+from tests.support.devices.bench_lms111 import (
     F64,
     Bench,
     counters,
@@ -13,7 +13,7 @@ from tests.support.bench_lms111 import (
     raw_of,
     scans_of,
 )
-from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
+from tests.support.devices.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 
 def test_each_answer_printed_in_the_sheet_comes_as_text() -> None:

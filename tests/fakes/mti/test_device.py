@@ -9,8 +9,8 @@ import pytest
 
 from fakes.mti.device import FakeMti, State
 from fakes.mti.messages import Sample
-from tests.support.bench_mti import RATE_RADPS, Bench, counters, frames, messages
-from tests.support.mti_frames import configuration, framed, wire
+from tests.support.devices.bench_mti import RATE_RADPS, Bench, counters, frames, messages
+from tests.support.devices.mti_frames import configuration, framed, wire
 
 
 def test_the_start_up_conversation_of_the_sheet_comes_byte_for_byte() -> None:

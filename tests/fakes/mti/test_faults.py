@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fakes.mti.device import State
-from tests.support.bench_mti import START_S, Bench, counters, frames, messages
 from tests.support.cases import examples
-from tests.support.mti_frames import framed, wire
+from tests.support.devices.bench_mti import START_S, Bench, counters, frames, messages
+from tests.support.devices.mti_frames import framed, wire
 
 
 def test_frozen_it_repeats_the_same_data_and_mute_it_hears() -> None:

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from fakes.mti.device import FakeMti, State
 from fakes.mti.messages import mtdata, orientation
 from fakes.mti.models import MODELS
-from tests.support.bench_mti import (
+from tests.support.cases import examples
+from tests.support.devices.bench_mti import (
     ACCEL_MPS2,
     RATE_RADPS,
     Bench,
@@ -22,8 +23,7 @@ from tests.support.bench_mti import (
     rotated,
     turned,
 )
-from tests.support.cases import examples
-from tests.support.mti_frames import framed, wire
+from tests.support.devices.mti_frames import framed, wire
 
 MAGNETIC = (0.45, -0.10, -0.89)
 MODES = (1, 2, 4, 0x800)

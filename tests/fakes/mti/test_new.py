@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tests import VECTORS
-from tests.support.bench_mti import (
+from tests.support.devices.bench_mti import (
     ACCEL_MPS2,
     F64,
     RATE_RADPS,
@@ -18,7 +18,7 @@ from tests.support.bench_mti import (
     rotated,
     turned,
 )
-from tests.support.mti_frames import framed, wire
+from tests.support.devices.mti_frames import framed, wire
 
 NEWER = ("MTi-30", "MTi-3", "MTi-G-700", "MTi-630")
 MEASURED = (0x0810, 0x2010, 0x2020, 0x2030, 0x4020, 0x8020, 0xC020)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mapod_link.serial_line import Deframer, serial_from_frame
-from tests.support.c_bench import Bench, drives_of, random_ground
+from tests.support.link.c_bench import Bench, drives_of, random_ground
 from tools.rig.board import EmulatedBoard
 from tools.rig.c_build import BUILD, MCU, MissingToolError, built, program
 from tools.rig.c_planner import PlannerSettings

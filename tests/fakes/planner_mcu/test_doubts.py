@@ -3,7 +3,7 @@
 import pytest
 
 from core.records import OBSTACLE, UNKNOWN, StopZoneReport
-from tests.support.c_bench import STOP, Bench, driving, set_out, zone_report
+from tests.support.link.c_bench import STOP, Bench, driving, set_out, zone_report
 from tools.rig.c_planner import PlannerSettings
 
 SLOW_MPS = 0.15

@@ -4,7 +4,7 @@ import pytest
 
 from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.frames import ACK, POSE, frame_from_bytes
-from tests.support.planner_sender import begun, pose_body, vector
+from tests.support.link.planner_sender import begun, pose_body, vector
 
 
 def test_a_deaf_planner_hears_nothing_and_a_mute_one_says_nothing() -> None:

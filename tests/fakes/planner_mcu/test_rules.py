@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.records import FREE, OBSTACLE, UNKNOWN
-from tests.support.c_bench import Bench, driving, random_ground, set_out
 from tests.support.cases import examples
+from tests.support.link.c_bench import Bench, driving, random_ground, set_out
 from tools.rig.c_planner import PlannerSettings
 
 

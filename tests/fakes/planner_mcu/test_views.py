@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from core.records import FREE, OBSTACLE, UNKNOWN
-from tests.support.c_bench import CELL_M, Bench, set_out
 from tests.support.cases import few
+from tests.support.link.c_bench import CELL_M, Bench, set_out
 from tools.rig.c_build import shipped_robot
 from tools.rig.c_planner import PlannerSettings
 

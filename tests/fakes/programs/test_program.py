@@ -23,7 +23,7 @@ from fakes.programs.serving import MOST_S, Pace
 from hw.ports.wires import open_port, ports_beside
 from hw.visionary.camera import Visionary
 from tests import ROOT
-from tests.support.bench_visionary import options_of
+from tests.support.devices.bench_visionary import options_of
 
 PYTHON = (sys.executable, "-m")
 PATIENCE_S = 60.0  # bounds what a hung process can cost

@@ -5,7 +5,7 @@ import pytest
 
 from fakes.scenes.scene import Scene, Solid, load_scene
 from fakes.scenes.solids import GLASS, Pillar, soft
-from tests.support.flat_floor import FLOOR
+from tests.support.robot.flat_floor import FLOOR
 
 
 def blocks(*things: Solid | Pillar, low: float = 0.15, high: float = 1.30) -> bool:

@@ -15,7 +15,7 @@ from fakes.world.kinematic import KinematicWorld
 from fakes.world.magnetic import MagneticDisturbance
 from fakes.world.slip import Slip
 from fakes.world.trajectory import held
-from tests.support.flat_floor import FLOOR, TILT
+from tests.support.robot.flat_floor import FLOOR, TILT
 
 AHEAD = np.zeros(1)  # bearing
 SHAPES = (

@@ -8,7 +8,7 @@ from fakes.urg04lx import scip
 from tests.fakes.urg04lx import sheet
 from tests.fakes.urg04lx.bench import START_S, Bench, replies, scan_of
 from tests.support.cases import cut
-from tests.support.urg04lx_vectors import REPLIES
+from tests.support.devices.urg04lx_vectors import REPLIES
 
 
 def test_it_powers_up_in_scip_1_and_is_switched_once() -> None:

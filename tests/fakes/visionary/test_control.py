@@ -9,7 +9,7 @@ from fakes.visionary.cola import checksum
 from fakes.visionary.device import FakeVisionary, Guest
 from fakes.visionary.models import KINDS, Model
 from fakes.world.simple import Ground
-from tests.support.visionary_vectors import TELEGRAMS
+from tests.support.devices.visionary_vectors import TELEGRAMS
 
 SESSION = bytes.fromhex("4e11ba11")
 HOSTS = {one.meaning: one.data for one in TELEGRAMS if one.is_hosts and one.is_cola_2}

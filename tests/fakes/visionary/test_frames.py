@@ -6,7 +6,7 @@ from fakes.visionary.faults import Faults
 from fakes.visionary.frames import binary, message, stamp_of
 from fakes.visionary.models import KINDS
 from fakes.visionary.picture import Maps
-from tests.support.visionary_vectors import T_MINI
+from tests.support.devices.visionary_vectors import T_MINI
 
 RAW = [4000, 4001, 0, 65535, 4096, 4096, 4096, 4096, 16384, 2000, 8000, 1]
 GREY = [1, 2, 3, 4, 100, 200, 300, 400, 20000, 0, 65535, 7]

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fakes.wires.pty import PTY_BACKLOG, heard_at, maybe_speed
 from fakes.wires.wire import PtyWire
-from tests.support.talker import Talker, until
+from tests.support.devices.talker import Talker, until
 
 KERNEL_KEEPS = 65536  # bytes at most, unread in a pty
 

@@ -10,7 +10,7 @@ import pytest
 
 from fakes.wires.sockets import TCP_BACKLOG
 from fakes.wires.wire import MemoryPort, TcpWire, Wire
-from tests.support.talker import Talker, has_grown, until
+from tests.support.devices.talker import Talker, has_grown, until
 
 
 def connected(wire: TcpWire) -> socket.socket:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from fakes.wires.wire import DatagramWire, MemoryPort, Wire
 from hw.device import Port
-from tests.support.talker import Talker
+from tests.support.devices.talker import Talker
 
 RATES = st.sampled_from([0.0, 0.1, 0.5, 1.0])
 

@@ -13,7 +13,7 @@ from fakes.scenes.solids import BLACK, GLASS, Shape, soft
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.trajectory import Trajectory, Way, held, straight
 from fakes.world.world import World
-from tests.support.flat_floor import F64, FLOOR, LENS_X_M, SWEEP_RAD, TILT
+from tests.support.robot.flat_floor import F64, FLOOR, LENS_X_M, SWEEP_RAD, TILT
 
 WALL = Solid("wall", (6.0, 6.2), (-15.0, 15.0), (0.0, 3.0))
 LEVEL = held(pitch_rad=-TILT)  # the scan plane is level

@@ -14,7 +14,7 @@ from fakes.world.error_models import NONE, ErrorModels, as_the_sheets_say
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.rig import Rig
 from fakes.world.trajectory import held
-from tests.support.flat_floor import F64, FLAT, FLOOR, LENS_X_M, SWEEP_RAD, TILT
+from tests.support.robot.flat_floor import F64, FLAT, FLOOR, LENS_X_M, SWEEP_RAD, TILT
 
 WIDE = ErrorModels(beam_rad=0.015, beam_exit_m=0.008, mixed_pixels=True)
 

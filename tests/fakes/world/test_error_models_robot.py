@@ -19,7 +19,7 @@ from fakes.world.rig import Rig
 from fakes.world.slip import BURST_S, BURST_SHARE, BURSTS_UNTIL_S, Slip, bursts
 from fakes.world.trajectory import Trajectory, Way, held, stand, straight, turn
 from fakes.world.world import World
-from tests.support.flat_floor import F64, FLAT, FLOOR, driven, rims_m
+from tests.support.robot.flat_floor import F64, FLAT, FLOOR, driven, rims_m
 
 DOOR = MagneticDisturbance("door", (5.0, 0.0), math.radians(40.0))
 FIELD = np.array([0.4, 0.0, -0.9])

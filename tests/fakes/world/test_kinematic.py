@@ -29,7 +29,7 @@ from fakes.world.trajectory import (
     walking,
 )
 from tests.support.cases import examples
-from tests.support.flat_floor import F64, FLAT, FLOOR, TILT, rims_m
+from tests.support.robot.flat_floor import F64, FLAT, FLOOR, TILT, rims_m
 
 LEGS = st.one_of(
     st.builds(straight, st.floats(-3.0, 3.0), st.floats(0.1, 1.0)),

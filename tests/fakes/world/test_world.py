@@ -13,7 +13,7 @@ from fakes.world.rig import Rig
 from fakes.world.robot import SMALL, Mount
 from fakes.world.rotations import R_from_angles
 from fakes.world.world import STEP_S, World
-from tests.support.flat_floor import F64, FLAT, FLOOR, TILT, driven, rims_m
+from tests.support.robot.flat_floor import F64, FLAT, FLOOR, TILT, driven, rims_m
 
 EDGE = Scene("edge", (FLOOR, Solid("edge", (1.0, 15.0), (-15.0, 15.0), (0.0, 0.03))))
 SWEEP_RAD = np.radians(np.linspace(-135.0, 135.0, 1081))

@@ -24,8 +24,8 @@ from hw.ax3500.lines import (
 )
 from hw.ax3500.values import VALUES, ControllerState, describe_status, state_after_answer
 from hw.device import BadFrame
-from tests.support.bench_ax3500 import FakeBench
 from tests.support.cases import cut
+from tests.support.devices.bench_ax3500 import FakeBench
 
 # section 5, both columns
 NUMBERS = {

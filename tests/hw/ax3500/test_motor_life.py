@@ -8,8 +8,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from tests.support.bench_ax3500 import FULL_COUNTS_PER_S, FakeBench
 from tests.support.cases import examples
+from tests.support.devices.bench_ax3500 import FULL_COUNTS_PER_S, FakeBench
 
 STOPPED = (0.0, 0.0)
 DOUBT_S = 1.0  # from any doubt to wheels without power

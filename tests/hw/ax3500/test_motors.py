@@ -8,8 +8,8 @@ import pytest
 
 from fakes.ax3500.properties import Mode
 from hw.ax3500.motors import Motors, encode_motor
-from tests.support.bench_ax3500 import FakeBench
 from tests.support.cases import few
+from tests.support.devices.bench_ax3500 import FakeBench
 
 HALF = pytest.approx((0.5, 0.5), abs=0.01)
 STOPPED = (0.0, 0.0)

@@ -7,8 +7,8 @@ import pytest
 
 from hw.ax3500.lines import CHARACTER_S
 from hw.ax3500.schedule import Schedule
-from tests.support.bench_ax3500 import FakeBench
 from tests.support.cases import few
+from tests.support.devices.bench_ax3500 import FakeBench
 
 AT_DIGITS = {4: 4_000, 6: 2_000_000, 8: 1_000_000_000}  # counts whose text is so long
 LOOK_S = 0.0005  # what a character takes, halved: a loop that wakes when bytes arrive

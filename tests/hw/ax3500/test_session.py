@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from core.records import WheelCounts
 from hw.ax3500.session import IN_RC_MODE
-from tests.support.bench_ax3500 import TICK_S, FakeBench
 from tests.support.cases import examples
+from tests.support.devices.bench_ax3500 import TICK_S, FakeBench
 
 Stored = Literal["rc", "rs232"]
 

@@ -19,7 +19,7 @@ from hw.depth_images.png import PngError, numbers_of
 from hw.depth_images.rays import Pinhole, camera_of
 from hw.device import BadFrame
 from tests import ROOT
-from tests.support.bench_kinect import options_of
+from tests.support.devices.bench_kinect import options_of
 
 LENS = """size_px = [640, 480]
 focal_px = [525.0, 525.0]

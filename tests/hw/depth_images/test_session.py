@@ -5,7 +5,7 @@ import pytest
 
 from fakes.kinect.faults import Form
 from hw.depth_images.session import BLIND, LEAST_SILENCE_S, NO_TIME, PAUSE_S, SAME, START_S
-from tests.support.bench_kinect import Bench, points_of
+from tests.support.devices.bench_kinect import Bench, points_of
 
 BACK_S = PAUSE_S + 0.5  # within which it delivers again once a fault is over
 

@@ -9,7 +9,7 @@ from hw.lms1xx import commands
 from hw.lms1xx.cola import Dialect
 from hw.lms1xx.commands import Command, ScanConfig
 from hw.lms1xx.telegrams import Answer, new_parser
-from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
+from tests.support.devices.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 WHOLE_RANGE = framed("sWN LMPoutputRange ", bytes.fromhex("0001 000009c4 fff92230 00225510"))
 BOTH_ECHOES = framed("sWN LMDscandatacfg ", b"\3\0" + bytes(8) + b"\1\0\1")

@@ -8,8 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.cases import examples
-from tests.support.lms111_vectors import framed, texted
-from tests.support.scripted_lms111 import CONFIGURING, TICK_S, UNKNOWN, WANTED, Bench, willing
+from tests.support.devices.lms111_vectors import framed, texted
+from tests.support.devices.scripted_lms111 import (
+    CONFIGURING,
+    TICK_S,
+    UNKNOWN,
+    WANTED,
+    Bench,
+    willing,
+)
 
 # --- dialect and start
 

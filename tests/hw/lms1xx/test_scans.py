@@ -10,7 +10,7 @@ from core.records import Scan
 from fakes.lms1xx.scan import Channel
 from hw.lms1xx.session import PIECE
 from hw.lms1xx.telegrams import MAX_BEAMS
-from tests.support.scripted_lms111 import UNKNOWN, Bench, ScriptedLms111, willing
+from tests.support.devices.scripted_lms111 import UNKNOWN, Bench, ScriptedLms111, willing
 
 
 def one_scan(**changes: object) -> Scan:

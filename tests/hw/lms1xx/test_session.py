@@ -9,7 +9,7 @@ import pytest
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.wires.wire import MemoryPort
 from hw.lms1xx.session import Lms111
-from tests.support.scripted_lms111 import TICK_S, UNKNOWN, USUAL, WANTED, Bench, willing
+from tests.support.devices.scripted_lms111 import TICK_S, UNKNOWN, USUAL, WANTED, Bench, willing
 
 READS = ["sRN LMPscancfg", "sRN LMDscandatacfg", "sRN LMPoutputRange", "sRN STlms"]
 GREETING = ["sRN SCdevicestate", "sRN FirmwareVersion"]

@@ -12,7 +12,7 @@ from hw.lms1xx.cola import INCOMPLETE_S, MAX_TEXT, REPORTED_SIZE, ColaParser
 from hw.lms1xx.telegrams import MAX_BEAMS, Answer, Refusal, ScanTelegram, decode, new_parser
 from tests import VECTORS
 from tests.support.cases import cut, examples
-from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
+from tests.support.devices.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 PACKED = [
     FRAMES[name] for name in ("scan A", "logged in", "unknown variable", "device ready", "scan B")

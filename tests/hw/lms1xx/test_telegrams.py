@@ -21,7 +21,7 @@ from hw.lms1xx.telegrams import (
     ranges_m_from_channel,
 )
 from tests import VECTORS
-from tests.support.lms111_vectors import FRAMES, TEXTS, framed, texted
+from tests.support.devices.lms111_vectors import FRAMES, TEXTS, framed, texted
 
 RECORDED = (VECTORS / "lms111_session_d2h.bin").read_bytes()
 MRS1000 = (VECTORS / "mrs1000_cola_a_one_scan.bin").read_bytes()

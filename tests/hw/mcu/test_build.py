@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.cases import few
-from tests.support.planner_sender import vector
+from tests.support.link.planner_sender import vector
 from tools.rig.c_build import MCU, STRICT, CompileError, compile_c
 from tools.rig.c_sizes import (
     AUTH,

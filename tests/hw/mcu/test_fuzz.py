@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.c_fuzz import build_replayer, fuzz, random_input, seeds, write_inputs
+from tests.support.link.c_fuzz import build_replayer, fuzz, random_input, seeds, write_inputs
 
 INPUTS = 700
 RUNS = 5_000

@@ -10,10 +10,10 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from mapod_link.frames import GEOM, MAP, OBJECTS, PATH, POSE, bytes_from_frame
 from mapod_link.receiver import Receiver
-from tests.support.c_link import Ask
-from tests.support.c_vectors import VectorReceiver, assert_they_agree, corners_mm
 from tests.support.cases import examples
-from tests.support.object_frames import (
+from tests.support.link.c_link import Ask
+from tests.support.link.c_vectors import VectorReceiver, assert_they_agree, corners_mm
+from tests.support.link.object_frames import (
     SQUARE,
     Corners,
     gone_record,
@@ -21,7 +21,7 @@ from tests.support.object_frames import (
     objects_body,
     path_body,
 )
-from tests.support.planner_sender import geom_body, map_body, pose_body, vector
+from tests.support.link.planner_sender import geom_body, map_body, pose_body, vector
 
 FATES = st.sampled_from(["arrives", "arrives", "arrives", "lost", "late", "twice"])
 CORNERS = st.lists(

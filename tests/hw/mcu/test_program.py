@@ -10,7 +10,7 @@ import pytest
 
 from mapod_link.frames import Frame, frame_from_bytes
 from mapod_link.serial_line import Deframer
-from tests.support.planner_sender import VECTORS, vector
+from tests.support.link.planner_sender import VECTORS, vector
 from tools.rig.c_build import MCU, built
 
 NAMES = ("geom", "pose", "map")

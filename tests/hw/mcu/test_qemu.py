@@ -9,7 +9,7 @@ import pytest
 
 from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.serial_line import Deframer
-from tests.support.planner_line import POSE_REPORT, Line, Sky
+from tests.support.link.planner_line import POSE_REPORT, Line, Sky
 from tools.rig.board import Board
 from tools.rig.c_build import BARE, BOARD, PLANNER, built
 

@@ -7,8 +7,8 @@ from typing import cast
 import pytest
 
 from fakes.planner_mcu.receiver import FakePlanner
-from tests.support.c_link import CReceiver
-from tests.support.planner_line import Line, Sky
+from tests.support.link.c_link import CReceiver
+from tests.support.link.planner_line import Line, Sky
 
 SIZE, KEY, NONCE = 31, bytes(range(32)), 5
 

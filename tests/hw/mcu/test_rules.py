@@ -16,8 +16,8 @@ from mapod_link.frames import (
     TILE,
     bytes_from_frame,
 )
-from tests.support.c_link import NO_YAW, NOT_KNOWN, Ask, CReceiver, ExternalPose
-from tests.support.planner_sender import (
+from tests.support.link.c_link import NO_YAW, NOT_KNOWN, Ask, CReceiver, ExternalPose
+from tests.support.link.planner_sender import (
     GOOD_HEALTH,
     NONCE,
     STOPS,

@@ -3,8 +3,8 @@
 import pytest
 
 from mapod_link.frames import frame_from_bytes, signed_bytes_from_frame
-from tests.support.c_link import NOT_KNOWN, Ask, CReceiver, ExternalPose, serial_from_frame
-from tests.support.planner_sender import VECTORS, vector
+from tests.support.link.c_link import NOT_KNOWN, Ask, CReceiver, ExternalPose, serial_from_frame
+from tests.support.link.planner_sender import VECTORS, vector
 
 KEY, NONCE = bytes.fromhex(VECTORS["auth_key"]), int(VECTORS["auth_nonce"], 0)
 RECTANGLE = (236, -40, 5, 3)  # i, j, width, height

@@ -5,7 +5,7 @@ import pytest
 from hw.modbus.client import CLIENT_HZ, Client, Request, is_loopback
 from hw.modbus.image import RegisterImage
 from hw.modbus.layout import DRIVE, Refusal
-from tests.support.modbus_rig import (
+from tests.support.machine.modbus_rig import (
     CLEAR,
     GOOD,
     START_S,

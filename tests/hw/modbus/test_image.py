@@ -26,7 +26,7 @@ from hw.modbus.layout import (
     stride_of,
 )
 from hw.modbus.status import STALE_S
-from tests.support import modbus_rig as rig
+from tests.support.machine import modbus_rig as rig
 from tools.docs.modbus_table import DOCUMENT, MARKS, MEANINGS, SECTIONS, filled
 
 

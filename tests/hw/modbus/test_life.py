@@ -16,7 +16,7 @@ from hw.modbus.network import IDLE_S, MOST_CONNECTIONS, SPARED_S
 from hw.modbus.rtu import CALL_BYTES
 from hw.modbus.server import ModbusServer, _why_closed
 from hw.ports.url import PortUrlError, parse_url
-from tests.support import modbus_rig as rig
+from tests.support.machine import modbus_rig as rig
 
 
 def test_connections_leave_nothing_behind_while_the_collector_is_off() -> None:

@@ -12,7 +12,7 @@ from hw.modbus.network import datagram_requests, take_requests
 from hw.modbus.pdu import Access, answer
 from hw.modbus.rtu import KEPT, RtuReceiver, crc16
 from tests.support.cases import cut, examples
-from tests.support.modbus_rig import START_S, new_image
+from tests.support.machine.modbus_rig import START_S, new_image
 
 OURS = frozenset({1, 2})
 READ = bytes.fromhex("01 03 00 00 00 0A C5 CD")

@@ -15,8 +15,8 @@ from hw.modbus.layout import DRIVE, WINDOW, WINDOW_CELLS, Refusal, stride_of
 from hw.modbus.network import MOST_CONNECTIONS, TcpConnection, TcpService, take_requests
 from hw.planner_link.requests import ReplayGuard, Requests
 from hw.ports.url import parse_url
-from tests.support import modbus_rig as rig
 from tests.support.cases import examples
+from tests.support.machine import modbus_rig as rig
 
 CELLS = rig.SIZE * stride_of(rig.SIZE)
 

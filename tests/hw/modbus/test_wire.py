@@ -5,7 +5,7 @@ import asyncio
 
 from hw.modbus.rtu import UNKNOWN, crc16, request_size
 from hw.modbus.server import ModbusServer
-from tests.support import modbus_rig as rig
+from tests.support.machine import modbus_rig as rig
 
 HEAD = bytes.fromhex("4D50 0100 0001 0000 0000 0007 6D61 706F 6400 0000")
 TCP_ANSWER = bytes.fromhex("00 01 00 00 00 17 01 03 14") + HEAD

@@ -16,8 +16,8 @@ from fakes.mti.models import MODELS
 from hw.mti.sample import MtSample
 from hw.mti.times import ARRIVAL_UNCERTAINTY_S, LATENCY_S, RateWatch, SampleTimes
 from tests.support.cases import examples
-from tests.support.mti_frames import wire
-from tests.support.scripted_mti import TICK_S, YAW_RADPS, Bench, Scripted, motion_at
+from tests.support.devices.mti_frames import wire
+from tests.support.devices.scripted_mti import TICK_S, YAW_RADPS, Bench, Scripted, motion_at
 
 
 def yaw_rad(attitude: Attitude) -> float:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hw.device import BadFrame
 from hw.mti.frames import ERRORS, MtFrame, MtParser, describe_error, encode_frame
 from tests.support.cases import cut
-from tests.support.mti_frames import ROWS, wire
+from tests.support.devices.mti_frames import ROWS, wire
 
 BAUD = 115200
 EULER_FRAME = wire("MTData 0006 00000005")

@@ -24,9 +24,9 @@ from hw.mti.sample import (
     maybe_unit,
 )
 from hw.mti.stream import Received, SampleMerger
-from tests.support.bench_mti import rotated, turned
 from tests.support.cases import examples
-from tests.support.mti_frames import ROWS, euler_deg, framed, slow_number
+from tests.support.devices.bench_mti import rotated, turned
+from tests.support.devices.mti_frames import ROWS, euler_deg, framed, slow_number
 
 BAUD = 115200
 

@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
-from tests.support.mti_frames import framed, wire
-from tests.support.scripted_mti import (
+from tests.support.devices.mti_frames import framed, wire
+from tests.support.devices.scripted_mti import (
     CONVERSATION,
     NEW_CONVERSATION,
     NEW_READ,

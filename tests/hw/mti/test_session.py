@@ -13,8 +13,8 @@ from hw.mti.frames import MtFrame
 from hw.mti.output import legacy_output, new_outputs
 from hw.mti.stream import MtStream, StreamReader
 from tests.support.cases import examples
-from tests.support.mti_frames import configuration, framed, wire
-from tests.support.scripted_mti import (
+from tests.support.devices.mti_frames import configuration, framed, wire
+from tests.support.devices.scripted_mti import (
     CONVERSATION,
     NEW_CONVERSATION,
     NEW_READ,

@@ -23,7 +23,7 @@ from mapod_link.frames import (
     signed_bytes_from_frame,
 )
 from tests.support.cases import examples, few
-from tests.support.planner_line import Line, Sky, SkyTiles
+from tests.support.link.planner_line import Line, Sky, SkyTiles
 
 
 def quiet(size: int = 21, first_seq: int = 1) -> Line:

@@ -11,8 +11,8 @@ from hw.planner_link.answers import POINT_BYTES, pack_points
 from hw.planner_link.frames import SCAN, encode_frame
 from mapod_link.asking import hello_body
 from mapod_link.frames import TILE
-from tests.support.planner_line import Line, Sky, SkyTiles
-from tests.support.planner_sender import whole
+from tests.support.link.planner_line import Line, Sky, SkyTiles
+from tests.support.link.planner_sender import whole
 
 
 def sweep_of(points: int, t_s: float, spread_m: float = 10.0, seed: int = 1) -> SweepPoints:

@@ -15,8 +15,8 @@ from hw.planner_link.messages import ASK_TILE, Ask, decode_answer
 from hw.planner_link.tiles import F32, MOST_REFUSALS, pack_values
 from mapod_link.asking import hello_body
 from mapod_link.frames import MAX_FRAME, bytes_from_frame
-from tests.support.planner_line import ZONE, Line, Sky, SkyTiles
-from tests.support.planner_sender import whole
+from tests.support.link.planner_line import ZONE, Line, Sky, SkyTiles
+from tests.support.link.planner_sender import whole
 
 NAN = math.nan
 

@@ -27,8 +27,8 @@ from hw.planner_link.paths import PathPublisher
 from hw.planner_link.scheduler import FrameScheduler
 from hw.planner_link.tiles import pack_values
 from tests.support.cases import cut
-from tests.support.planner_line import ZONE
-from tests.support.planner_sender import VECTORS, vector
+from tests.support.link.planner_line import ZONE
+from tests.support.link.planner_sender import VECTORS, vector
 
 OPS = bytes.fromhex("82 ff22 82 ff22 7f06")
 SESSION = 0x5A17C0DE

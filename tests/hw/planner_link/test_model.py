@@ -13,7 +13,7 @@ from hw.planner_link.kernels import BLOCK, EVERY, MISSING, NEAR, REFRESH, URGENT
 from hw.planner_link.published import PublishedMap
 from mapod_link.frames import ACK, bytes_from_frame
 from tests.support.cases import examples, few
-from tests.support.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
+from tests.support.link.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
 
 
 class Upsets:

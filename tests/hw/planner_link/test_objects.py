@@ -16,9 +16,9 @@ from mapod_link.asking import hello_body
 from mapod_link.frames import GEOM, HELLO, MAP, OBJECTS, bytes_from_frame
 from mapod_link.objects import LinkObject
 from tests.support.cases import examples
-from tests.support.object_source import ObjectWorld, object_of, round_outline
-from tests.support.planner_line import Line, Sky
-from tests.support.planner_sender import whole
+from tests.support.link.object_source import ObjectWorld, object_of, round_outline
+from tests.support.link.planner_line import Line, Sky
+from tests.support.link.planner_sender import whole
 
 
 def line_of(world: ObjectWorld, **how: object) -> Line:

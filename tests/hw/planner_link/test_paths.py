@@ -9,9 +9,9 @@ from fakes.planner_mcu.receiver import FakePlanner
 from hw.planner_link.paths import MOST_POINTS
 from mapod_link.frames import PATH
 from mapod_link.paths import SWEEP, TRAVEL
-from tests.support.object_source import ObjectWorld
-from tests.support.planner_line import Line, Sky
-from tests.support.planner_sender import whole
+from tests.support.link.object_source import ObjectWorld
+from tests.support.link.planner_line import Line, Sky
+from tests.support.link.planner_sender import whole
 
 
 def line_of(world: ObjectWorld, **how: object) -> Line:

@@ -31,7 +31,7 @@ from hw.planner_link.requests import (
     Requests,
 )
 from hw.ports.sockets import DATAGRAMS
-from tests.support.planner_sender import vector
+from tests.support.link.planner_sender import vector
 
 SESSION, NONCE, KEY = 0x5A17C0DE, 0x11223344, bytes(range(32))
 EXAMPLE = Drive(2, 52_340, SESSION, NONCE, 0.65, -0.12, 0.3)

@@ -24,8 +24,8 @@ from hw.planner_link.frames import (
 from hw.planner_link.scheduler import FrameScheduler
 from mapod_link.frames import Frame, bytes_from_frame, frame_from_bytes
 from tests.support.cases import examples, few
-from tests.support.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
-from tests.support.planner_sender import whole
+from tests.support.link.planner_line import ZONE, HeldPort, Line, Sky, SkyTiles
+from tests.support.link.planner_sender import whole
 
 INF, NAN = math.inf, math.nan
 

@@ -14,7 +14,7 @@ from hw.planner_link.sender import LinkSettings, Wire
 from mapod_link.asking import drive_body, hello_body
 from mapod_link.frames import bytes_from_frame, signed_bytes_from_frame
 from mapod_link.serial_line import serial_from_frame
-from tests.support.planner_line import POSE_REPORT, ZONE, Sky, SkyTiles
+from tests.support.link.planner_line import POSE_REPORT, ZONE, Sky, SkyTiles
 
 SESSION, TICK_S = 0x5A17C0DE, 0.02
 

@@ -17,7 +17,7 @@ from hw.ports.camera import BUFFERS, CameraPort
 from hw.ports.url import parse_url
 from hw.ports.v4l2 import Kernel
 from hw.stripe.mjpeg import Event, Jpeg, MjpegParser, StreamBegun, encode_request
-from tests.support.real_wires import START_S, until
+from tests.support.machine.real_wires import START_S, until
 
 IMAGE = b"\xff\xd8 not looked into \xff\xd9"
 HEADER = "/usr/include/linux/videodev2.h"

@@ -9,7 +9,7 @@ from hw.depth_images.parts import Part, PartsParser
 from hw.ports.folder import FolderPort, Timer
 from hw.ports.wires import open_port
 from hw.stripe.mjpeg import Event, Jpeg, MjpegParser, StreamBegun, encode_request
-from tests.support.real_wires import START_S, until
+from tests.support.machine.real_wires import START_S, until
 
 IMAGES = [b"\xff\xd8 %d \xff\xd9" % k for k in range(3)]
 

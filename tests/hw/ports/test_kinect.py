@@ -16,8 +16,8 @@ from hw.device import BadFrame
 from hw.ports import kinect
 from hw.ports.kinect import LIBRARY, PLAYERS, KinectPort, Reader
 from hw.ports.wires import open_port
-from tests.support.bench_kinect import options_of
-from tests.support.real_wires import START_S, until
+from tests.support.devices.bench_kinect import options_of
+from tests.support.machine.real_wires import START_S, until
 
 PLAYER = [str(found) for found in Path("/").glob(f"{PLAYERS}/{LIBRARY}")]
 INSTALLED = pytest.mark.skipif(not PLAYER, reason="needs libfreenect: apt install libfreenect0.5")

@@ -21,7 +21,7 @@ from hw.ports.reopening import BACKLOG, RETRY_FIRST_S
 from hw.ports.serial import SerialPort
 from hw.ports.wires import open_port
 from tests import Patch
-from tests.support.real_wires import START_S, is_lost, opened, pty_at, read_all, until
+from tests.support.machine.real_wires import START_S, is_lost, opened, pty_at, read_all, until
 
 TICK_S = 0.005
 

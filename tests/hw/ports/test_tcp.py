@@ -13,7 +13,7 @@ from hw.device import Port, Reopens
 from hw.ports.reopening import BACKLOG, CHEAP_LAST_S, READ_SIZE, RETRY_FIRST_S, SILENCE_S
 from hw.ports.sockets import CONNECT_S, TcpPort
 from hw.ports.wires import PortUrlError, open_port, ports_beside
-from tests.support.real_wires import START_S, is_lost, opened, read_all, until
+from tests.support.machine.real_wires import START_S, is_lost, opened, read_all, until
 
 TICK_S = 0.005
 

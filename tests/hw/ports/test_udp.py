@@ -5,7 +5,7 @@ import socket
 
 from hw.ports.sockets import DATAGRAM_SIZE, UdpPort
 from hw.ports.wires import open_port
-from tests.support.real_wires import START_S
+from tests.support.machine.real_wires import START_S
 
 
 def test_datagrams_stay_whole_both_ways() -> None:

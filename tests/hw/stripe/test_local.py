@@ -16,7 +16,7 @@ from hw.ports.wires import open_port
 from hw.registry import SCANNERS, Surroundings
 from tests.hw.stripe.test_session import AGAIN, NEAR
 from tests.hw.stripe.test_sweep import options_of
-from tests.support.real_wires import until
+from tests.support.machine.real_wires import until
 
 pytest.importorskip("cv2", reason="needs OpenCV: pip install 'mapod[camera]'")
 STEP_S = 0.005

@@ -21,7 +21,7 @@ from hw.urg04lx.scip import (
 )
 from hw.urg04lx.sensor import maybe_sensor, texts_of
 from tests.support.cases import cut, examples
-from tests.support.urg04lx_vectors import CONTENTS, REPLIES, STATUSES
+from tests.support.devices.urg04lx_vectors import CONTENTS, REPLIES, STATUSES
 
 FEWER = settings(max_examples=examples(50))
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from core.records import Scan
 from tests.support.cases import cut, examples
-from tests.support.scripted_urg04lx import BAUD, MD, OPTIONS, Bench, reply, scan_of
+from tests.support.devices.scripted_urg04lx import BAUD, MD, OPTIONS, Bench, reply, scan_of
 
 SYNC = ["TM0", *["TM1"] * 10, "TM2"]
 SET_UP = ["PP", "VV", *SYNC, MD]

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hw.device import BadFrame
 from hw.visionary.blob import MOST_BYTES, NO_END, Blob, BlobParser
-from tests.support.visionary_vectors import T_MINI, S
+from tests.support.devices.visionary_vectors import T_MINI, S
 
 
 def fed(*pieces: bytes) -> list[bytes | str]:

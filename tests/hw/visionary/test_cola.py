@@ -18,7 +18,7 @@ from hw.visionary.cola import (
     flexstring,
     texts_of,
 )
-from tests.support.visionary_vectors import TELEGRAMS
+from tests.support.devices.visionary_vectors import TELEGRAMS
 
 ANSWERS = [one for one in TELEGRAMS if not one.is_hosts]
 NUMBERS = bytes(range(32))

@@ -13,7 +13,7 @@ from hw.visionary.blob import Blob, BlobParser
 from hw.visionary.depth import FrameHead, head_of, no_numbers, numbers_of
 from hw.visionary.description import Description, description_of
 from hw.visionary.rays import camera_of
-from tests.support.visionary_vectors import T_MINI, S
+from tests.support.devices.visionary_vectors import T_MINI, S
 
 T_MINI_MM = {  # row, column: x, y, z as section 7 has them, in the camera's axes
     (0, 0): (-339.034, -226.022, 903.220),

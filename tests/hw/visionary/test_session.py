@@ -13,7 +13,7 @@ from hw.visionary.camera import BLIND
 from hw.visionary.frames import SAME_NUMBER, SAME_PICTURE
 from hw.visionary.session import ASKED, CONNECT_S, LEAST_SILENCE_S, LOST_PERIODS, State
 from hw.visionary.times import FORGET_S
-from tests.support.bench_visionary import Bench, points_of
+from tests.support.devices.bench_visionary import Bench, points_of
 
 BACK_S = 1.0  # within which it delivers again once a wire is back
 

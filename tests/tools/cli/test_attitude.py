@@ -3,8 +3,8 @@
 import pytest
 
 from tests import Capsys
-from tests.support.real_time import level_sensor
-from tests.support.simulated_lines import Said, SimulatedLines
+from tests.support.devices.simulated_lines import Said, SimulatedLines
+from tests.support.machine.real_time import level_sensor
 from tools.cli import attitude
 
 

@@ -17,7 +17,7 @@ from fakes.scenes.scene import Scene, Solid
 from fakes.wires.wire import MemoryPort, PtyWire, TcpWire, Wire
 from fakes.world.rig import Rig
 from tests import ROOT, Capsys, Patch
-from tests.support.real_time import level_sensor, served
+from tests.support.machine.real_time import level_sensor, served
 from tools import settings
 from tools.calibration import collect_floor
 from tools.calibration.collect_floor import RefusedError

@@ -14,7 +14,7 @@ from fakes.kinect.sensing import Lens
 from fakes.world.simple import Ground
 from hw.depth_images.session import DepthImages
 from tests import ROOT, VECTORS, Capsys
-from tests.support.bench_kinect import Bench
+from tests.support.devices.bench_kinect import Bench
 from tools.calibration.collect_depth import Watch
 from tools.calibration.collect_floor import READY_S, RefusedError
 from tools.cli import calibrate

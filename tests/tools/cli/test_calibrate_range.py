@@ -17,7 +17,7 @@ from config_file import load_config, with_changes
 from fakes.urg04lx.device import FakeUrg04lx
 from fakes.wires.wire import MemoryPort, PtyWire, Wire
 from tests import ROOT, Capsys
-from tests.support.real_time import served
+from tests.support.machine.real_time import served
 from tools.calibration.collect_floor import RefusedError
 from tools.calibration.collect_ranges import Person, Plan, RangeCollector, Vouched
 from tools.cli import calibrate, calibrate_range

@@ -13,8 +13,8 @@ from fakes.lms1xx.device import FakeLms111
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.wires.wire import Fake, TcpWire
 from tests import Capsys
-from tests.support.real_time import StillWheels, level_sensor, served
-from tests.support.simulated_lines import SimulatedLines
+from tests.support.devices.simulated_lines import SimulatedLines
+from tests.support.machine.real_time import StillWheels, level_sensor, served
 from tools.cli import compare, scanner
 from tools.compare.facts import Difference, Fact, delay_fact, differences, pace_facts
 

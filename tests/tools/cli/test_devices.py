@@ -14,9 +14,9 @@ from fakes.stripe.video import FakeVideo
 from fakes.urg04lx.device import FakeUrg04lx
 from hw.ports.url import parse_url
 from tests import Capsys, Patch
-from tests.support.plain_user import as_plain_user
-from tests.support.real_time import StillWheels, level_sensor
-from tests.support.simulated_lines import SimulatedLines
+from tests.support.devices.simulated_lines import SimulatedLines
+from tests.support.machine.plain_user import as_plain_user
+from tests.support.machine.real_time import StillWheels, level_sensor
 from tools.cli import devices, scip
 from tools.cli.devices import Found, toml_lines, udev_rules
 

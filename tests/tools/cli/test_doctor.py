@@ -5,7 +5,7 @@ import socket
 from pathlib import Path
 
 from tests import ROOT, Capsys
-from tests.support.real_wires import pty_at
+from tests.support.machine.real_wires import pty_at
 from tools.cli.command import main
 from tools.doctor.finding import Finding
 

@@ -8,8 +8,8 @@ import pytest
 from fakes.ax3500.device import FakeAx3500
 from fakes.ax3500.properties import Mode
 from tests import ROOT, Capsys, Patch
-from tests.support.real_time import StillWheels
-from tests.support.simulated_lines import Said, SimulatedLines
+from tests.support.devices.simulated_lines import Said, SimulatedLines
+from tests.support.machine.real_time import StillWheels
 from tools.cli import drive
 
 

@@ -8,8 +8,8 @@ import pytest
 from mapod_link.receiver import Receiver
 from tests import Capsys, Patch
 from tests.support.cases import few
-from tests.support.served_receiver import ServedReceiver
-from tests.support.wrong_receivers import WRONG
+from tests.support.link.served_receiver import ServedReceiver
+from tests.support.link.wrong_receivers import WRONG
 from tools.cli import link_test
 from tools.conformance.slow_receiver import SlowReceiver
 from tools.conformance.suite import chosen

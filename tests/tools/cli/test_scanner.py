@@ -6,7 +6,7 @@ import pytest
 from fakes.lms1xx.device import FakeLms111
 from fakes.urg04lx.device import FakeUrg04lx
 from tests import Capsys
-from tests.support.simulated_lines import Said, SimulatedLines
+from tests.support.devices.simulated_lines import Said, SimulatedLines
 from tools.cli import scanner
 
 

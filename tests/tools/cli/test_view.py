@@ -20,7 +20,7 @@ from mapod_link.frames import GEOM, MAP, POSE, STOP_ZONE, bytes_from_frame
 from mapod_link.serial_line import serial_from_frame
 from mapod_link.wires import UdpWire
 from tests import Capsys, Patch
-from tests.support.planner_sender import (
+from tests.support.link.planner_sender import (
     Line,
     geom_body,
     map_body,

@@ -7,8 +7,8 @@ Each receiver is also asked directly for what it holds: cell by cell, *suspect*,
 import pytest
 
 from tests.support.cases import few
-from tests.support.planner_sender import VECTORS as SHEET
-from tests.support.planner_sender import vector
+from tests.support.link.planner_sender import VECTORS as SHEET
+from tests.support.link.planner_sender import vector
 from tools.conformance.__main__ import KEY, RECEIVERS
 from tools.conformance.exam import Exam
 from tools.conformance.in_process import InProcess

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from tests.support.cases import few
-from tests.support.wrong_receivers import WRONG, WRONG_WITH_KEY
+from tests.support.link.wrong_receivers import WRONG, WRONG_WITH_KEY
 from tools.conformance.exam import Exam
 from tools.conformance.in_process import InProcess
 from tools.conformance.slow_receiver import SlowReceiver

@@ -13,8 +13,8 @@ from config_file import load_config, with_changes
 from hw.ports.url import parse_url
 from hw.ports.v4l2 import KERNEL
 from tests import ROOT
-from tests.support.plain_user import as_plain_user
-from tests.support.real_wires import pty_at
+from tests.support.machine.plain_user import as_plain_user
+from tests.support.machine.real_wires import pty_at
 from tools.calibration.noted import with_note, with_ranges_note
 from tools.doctor import calibrated, machine, network, service, storage, wires
 from tools.doctor.finding import Finding, status_of

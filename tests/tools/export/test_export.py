@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests import Capsys
-from tests.support.recorded import RecordedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.recorded import RecordedLoop
+from tests.support.robot.shipped import shipped
 from tests.tools.export.test_files import occupancy, read_pcd
 from tools.cli.export import main
 

@@ -20,7 +20,7 @@ import pytest
 
 from mapod_link import FREE, OBSTACLE, Link, open_link
 from tests import ROOT
-from tests.support.second_root import (
+from tests.support.machine.second_root import (
     LOGIN,
     SecondRoot,
     base_image,

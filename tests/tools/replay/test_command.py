@@ -10,8 +10,8 @@ from recording.mcap_file import RecordingFile
 from recording.reader import Recording
 from recording.records import CHECK, OF_CALLS, OUT
 from tests import ROOT, Capsys, Patch
-from tests.support.recorded import RecordedLoop
-from tests.support.shipped import shipped
+from tests.support.robot.recorded import RecordedLoop
+from tests.support.robot.shipped import shipped
 from tools.cli import replay as tool
 from tools.replay import laser
 

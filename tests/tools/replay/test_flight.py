@@ -19,7 +19,7 @@ from recording.reader import Recording
 from recording.records import BYE, CHECK, FIRST, IN, OF_CALLS, OPENED, OUT
 from recording.writer import Writer
 from tests import Capsys
-from tests.support.recorded import DriveToBox, note_line
+from tests.support.robot.recorded import DriveToBox, note_line
 from tools.cli import replay, why
 from tools.replay.player import Player
 from tools.rig.loop import START_S

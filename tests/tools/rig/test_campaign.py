@@ -15,8 +15,8 @@ from config_file import with_changes
 from fakes.lms1xx.recorded import RecordedLms111
 from fakes.scenes.scene import Scene, Solid
 from tests import Capsys
-from tests.support.blind_pilot import BlindPilot
-from tests.support.shipped import FLOOR
+from tests.support.robot.blind_pilot import BlindPilot
+from tests.support.robot.shipped import FLOOR
 from tools.rig import campaign, record
 from tools.rig.c_build import program
 from tools.rig.campaign import Outcome, Outcomes, Task, outcome_of, spec_of

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from fakes.scenes.movers import person
 from fakes.scenes.scene import Scene, load_scene
 from fakes.scenes.solids import GLASS, PLAIN, Material, Pillar, Solid, bump, soft
-from tests.support.shipped import FLOOR
+from tests.support.robot.shipped import FLOOR
 from tools.rig.contact import OVERLAP_M, USUAL, Place, box_gap, disc_gap, outline, placed
 from tools.rig.judge import Judge, Truth
 from tools.rig.stops import Orders, StopWatch

@@ -10,8 +10,8 @@ from config_file import load_config, with_changes
 from fakes.scenes.scene import Scene, Solid
 from recording.reader import Recording
 from tests import Capsys
-from tests.support.blind_pilot import BlindPilot
-from tests.support.shipped import FLOOR
+from tests.support.robot.blind_pilot import BlindPilot
+from tests.support.robot.shipped import FLOOR
 from tools.cli.sweep import main
 from tools.replay.player import Player
 from tools.rig.one_run import RunSpec

@@ -10,8 +10,14 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from mapod_link.frames import DIGEST, GEOM, MAP, OBJECTS, PATH, POSE
-from tests.support.object_frames import Corners, gone_record, object_record, objects_body, path_body
-from tests.support.planner_sender import Line, geom_body, map_body, op, pose_body
+from tests.support.link.object_frames import (
+    Corners,
+    gone_record,
+    object_record,
+    objects_body,
+    path_body,
+)
+from tests.support.link.planner_sender import Line, geom_body, map_body, op, pose_body
 from tools.terminal import screen
 from tools.terminal.outlines import MOVING, cells_on, lines_of
 from tools.terminal.planner_end import Meter, WatchingReceiver

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mapod_link.asking import DRIVE_BODY
 from mapod_link.frames import DRIVE, frame_from_bytes
-from tests.support.planner_sender import begun, pose_body
+from tests.support.link.planner_sender import begun, pose_body
 from tools.terminal.steer import HELD_S, HELP, Steering, keys_of, ways_from_keys
 
 

@@ -7,7 +7,14 @@ import pytest
 from mapod_link.asking import DRIVE_BODY
 from mapod_link.frames import DRIVE, GEOM, MAP, POSE, STOP_ZONE, frame_from_bytes
 from mapod_link.wires import UdpWire
-from tests.support.planner_sender import Line, geom_body, map_body, pose_body, with_map, zone_body
+from tests.support.link.planner_sender import (
+    Line,
+    geom_body,
+    map_body,
+    pose_body,
+    with_map,
+    zone_body,
+)
 from tools.terminal.planner_end import WatchingReceiver
 from tools.view.driving import ANOTHER, DEAD_MAN_S, OLD_PICTURE, Driving, Limits
 from tools.view.link_end import LinkEnd

@@ -13,7 +13,7 @@ from mapod_link import tiles as wire
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from tests.mapod_link.test_tiles import LAYERS, Sender
 from tests.support.cases import examples
-from tests.support.planner_sender import geom_body, map_body, op, pose_body
+from tests.support.link.planner_sender import geom_body, map_body, op, pose_body
 from tools.view.layers import OFFERED, CellQuestion, Layers, about
 from tools.view.window import F32, Window
 

@@ -10,7 +10,7 @@ import pytest
 from mapod_link.frames import GEOM, MAP, POSE, bytes_from_frame
 from mapod_link.serial_line import serial_from_frame
 from mapod_link.wires import wire_from_url
-from tests.support.planner_sender import geom_body, map_body, pose_body
+from tests.support.link.planner_sender import geom_body, map_body, pose_body
 from tools.view.link_end import LinkEnd
 
 PATIENCE_S = 60.0

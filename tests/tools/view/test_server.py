@@ -8,7 +8,7 @@ import pytest
 from aiohttp import WSMsgType, WSServerHandshakeError
 
 from tests import Patch
-from tests.support.view_site import FREE_AND_OBSTACLE, TOKEN, Browser, Robot, Site, site
+from tests.support.machine.view_site import FREE_AND_OBSTACLE, TOKEN, Browser, Robot, Site, site
 from tools.view import driving
 
 pytestmark = pytest.mark.real_time

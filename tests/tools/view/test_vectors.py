@@ -7,8 +7,8 @@ import pytest
 
 from mapod_link.frames import GEOM, MAP, OBJECTS, PATH, POSE, bytes_from_frame
 from mapod_link.wires import UdpWire
-from tests.support.object_frames import gone_record, object_record, objects_body, path_body
-from tests.support.planner_sender import geom_body, map_body, pose_body
+from tests.support.link.object_frames import gone_record, object_record, objects_body, path_body
+from tests.support.link.planner_sender import geom_body, map_body, pose_body
 from tools.view.link_end import LinkEnd
 from tools.view.vectors import MOST_OBJECTS, MOST_POINTS, VectorMessage, vectors_of
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from mapod_link.bodies import FREE, OBSTACLE, UNKNOWN
 from mapod_link.frames import GEOM, MAP, POSE
-from tests.support.planner_sender import Line, geom_body, map_body, op, pose_body
+from tests.support.link.planner_sender import Line, geom_body, map_body, op, pose_body
 from tools.terminal.planner_end import WatchingReceiver
 from tools.view.history import MOST_BYTES, SPAN_S, History
 from tools.view.window import ScanLine, Window, window_of

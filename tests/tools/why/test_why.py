@@ -17,7 +17,7 @@ from mapod_link.frames import DRIVE, bytes_from_frame
 from recording.direct import DirectTap
 from recording.reader import Recording
 from tests import ROOT, Capsys
-from tests.support.recorded import DriveToBox, note_line
+from tests.support.robot.recorded import DriveToBox, note_line
 from tools.cli import export, why
 from tools.replay.changes import changed
 from tools.replay.player import Player

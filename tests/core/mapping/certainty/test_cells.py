@@ -31,7 +31,7 @@ from core.mapping.certainty.cells import Cells, Pass, Rules, gather, update, wid
 from core.mapping.certainty.decision import cause_at, decide, list_causes
 from core.records import F64, FREE, U8, UNKNOWN
 from tests.support.cases import examples
-from tests.support.slow_certainty import Reading, SlowCertainty, SlowSettings
+from tests.support.maps.slow_certainty import Reading, SlowCertainty, SlowSettings
 
 SIZE, CELL_M = 7, 0.1
 LEVEL = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)

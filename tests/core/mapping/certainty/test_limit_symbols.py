@@ -7,7 +7,7 @@ from hypothesis import assume, given, settings
 
 from tests.core.mapping.certainty.test_limit import CHANGED, VALUES, Seen, Values
 from tests.support.cases import examples
-from tests.support.symbolic_limit import slopes_in_a_cell
+from tests.support.maps.symbolic_limit import slopes_in_a_cell
 
 
 @settings(max_examples=examples(40), deadline=None)

@@ -14,7 +14,7 @@ from core.mapping.certainty.scans import (
 )
 from core.mapping.shadows import NOTHING_M
 from tests.support.cases import examples
-from tests.support.slow_certainty import groups_left, supported
+from tests.support.maps.slow_certainty import groups_left, supported
 
 STEP_RAD = math.radians(0.36)
 RANGES = st.lists(st.one_of(st.sampled_from([1.0, 1.05, 1.3, 3.0]), st.just(math.nan)), max_size=30)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from core.mapping.paper.steps import PaperSettings, ReferencePlane
 from tests.support.cases import examples
-from tests.support.slow_reference_plane import SlowPlane
+from tests.support.maps.slow_reference_plane import SlowPlane
 
 F64 = npt.NDArray[np.float64]
 Step = tuple[float, float, float, float]  # changes of yaw, pitch, roll and travel before a scan

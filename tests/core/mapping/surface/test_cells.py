@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from core.mapping.surface.cells import APART, ground_of
 from core.mapping.surface.constants import REACH, STEEPEST
-from tests.support.ground_cells import RISES, GroundCells
+from tests.support.maps.ground_cells import RISES, GroundCells
 
 CELL_M, FAR_AWAY_M = 0.2, -50.0
 SLOPES = st.floats(-0.1, 0.1)

@@ -30,7 +30,7 @@ from core.mapping.surface.constants import CLEAR, GATE, LIKELY
 from core.mapping.surface.decision import decide_cells, is_framed, list_causes, rule_of
 from core.records import FREE, OBSTACLE, UNKNOWN
 from jit import Record, records
-from tests.support.ground_cells import LIMITS, NOISE_M2, GroundCells, packed
+from tests.support.maps.ground_cells import LIMITS, NOISE_M2, GroundCells, packed
 
 OLDEST_S = 100.0  # NOISE_M2 is of 1 cm; 3 sigma with a cell's own: 3.1 cm
 ALL = 0xFFFF  # parts of a cell

@@ -17,7 +17,7 @@ from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_witnesses, hold
 from core.records import F64
 from jit import COMPILED, Records, records
-from tests.support.ground_cells import FAR_M, LIMITS, GroundCells, standing
+from tests.support.maps.ground_cells import FAR_M, LIMITS, GroundCells, standing
 
 NOISE_M = 0.004
 SCAN_S = 0.04

@@ -2,7 +2,7 @@
 
 from core.mapping.surface.evidence import lower
 from core.mapping.surface.sweep import FLOOR
-from tests.support.ground_cells import GroundCells, met
+from tests.support.maps.ground_cells import GroundCells, met
 
 
 def test_floor_seen_lower_by_another_attitude_makes_no_face_of_it_later() -> None:

@@ -14,9 +14,9 @@ from core.mapping.surface.evidence import softness, vote
 from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE
 from tests.support.cases import few
-from tests.support.flat_ride import Ride, Rig, cells_over, config_of
-from tests.support.flat_world import Box, Cylinder, Grass, World
-from tests.support.ground_cells import LIMITS, GroundCells, met
+from tests.support.maps.flat_ride import Ride, Rig, cells_over, config_of
+from tests.support.maps.flat_world import Box, Cylinder, Grass, World
+from tests.support.maps.ground_cells import LIMITS, GroundCells, met
 
 MEADOW = Grass(Box((9.0, -1.5, 0.0), (11.0, 1.5, 0.3)), 0.25, 0.7)
 

@@ -15,9 +15,9 @@ from core.mapping.surface.maps import SurfaceMaps
 from core.records import FREE, OBSTACLE, UNKNOWN, Scan
 from jit import COMPILED
 from tests.support.cases import few
-from tests.support.cell_rig import CellRig
-from tests.support.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
-from tests.support.flat_world import Box, Profile, World, ditch, kerb
+from tests.support.maps.cell_rig import CellRig
+from tests.support.maps.flat_ride import SCAN_S, Ride, Rig, config_of, places_where, state_at
+from tests.support.maps.flat_world import Box, Profile, World, ditch, kerb
 from tools.experiments.views import heights_over_ground_m
 
 LANES_M = (-0.3, -0.1, 0.1, 0.3)  # the cells that the robot's width of 0.6 m covers

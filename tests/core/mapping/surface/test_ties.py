@@ -6,7 +6,7 @@ from core.grid.touched import touch
 from core.mapping.surface.cells import APART, LOOSE, TIED
 from core.mapping.surface.constants import FRONT
 from core.mapping.surface.evidence import NEWLY_TIED, spread_ties, tie
-from tests.support.ground_cells import GroundCells
+from tests.support.maps.ground_cells import GroundCells
 
 
 class Sides:

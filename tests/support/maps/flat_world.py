@@ -2,7 +2,7 @@
 
 The ground is a polyline of height along one direction, level across it, so that steps, ditches and
 ramps are exact; solids are boxes and cylinders, which may move. Metres, frame map: the robot of
-`tests/support/flat_ride.py` begins at the origin, looking along +x.
+`tests/support/maps/flat_ride.py` begins at the origin, looking along +x.
 """
 
 import math

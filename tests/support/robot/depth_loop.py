@@ -11,9 +11,9 @@ from fakes.wires.wire import MemoryPort, Wire
 from recorder import Recorder
 from recording.direct import DirectTap
 from recording.tap import AnyTap
-from tests.support.closed_loop import SESSION, ClosedLoop
-from tests.support.recorded import ListTap
-from tests.support.shipped import FLOOR, shipped
+from tests.support.robot.closed_loop import SESSION, ClosedLoop
+from tests.support.robot.recorded import ListTap
+from tests.support.robot.shipped import FLOOR, shipped
 from tools.rig.loop import START_S
 from wiring import DepthPorts
 

@@ -4,7 +4,7 @@ from ctypes import Structure, byref
 from ctypes import c_uint32 as u32
 
 from mapod_link.receiver import Receiver
-from tests.support.c_link import CReceiver
+from tests.support.link.c_link import CReceiver
 from tools.conformance.c_receiver import c_struct
 
 WITH_OBJECTS = "-DMAPOD_LINK_OBJECTS"

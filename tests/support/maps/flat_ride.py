@@ -23,7 +23,7 @@ from core.records import Attitude, Scan, WheelCounts
 from hw.lms1xx.options import Lms1xxOptions
 from jit import COMPILED
 from tests import ROOT
-from tests.support.flat_world import F64, Box, Profile, World
+from tests.support.maps.flat_world import F64, Box, Profile, World
 
 SHIPPED = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8"))
 CASTOR_M = 0.4

@@ -8,7 +8,7 @@ from core.mapping.rays import Sweep
 from core.mapping.surface.maps import SurfaceMaps
 from core.motion.path import Place
 from core.records import PointSweep
-from tests.support.flat_ride import config_of
+from tests.support.maps.flat_ride import config_of
 
 Point = tuple[float, float, float]
 CELL_M, LENS_M, SCAN_S = 0.2, 0.3, 0.04  # so low that beams skim the floor

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from fakes.lms1xx.device import FakeLms111
 from hw.lms1xx.telegrams import ScanTelegram, new_parser
-from tests.support.lms111_vectors import FRAMES, framed, texted
+from tests.support.devices.lms111_vectors import FRAMES, framed, texted
 
 F64 = npt.NDArray[np.float64]
 START_S = 500.0

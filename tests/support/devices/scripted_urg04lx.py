@@ -9,7 +9,7 @@ from core.records import Scan
 from fakes.wires.wire import MemoryPort
 from hw.urg04lx.options import Urg04lxOptions
 from hw.urg04lx.session import Urg04lx
-from tests.support.urg04lx_vectors import REPLIES
+from tests.support.devices.urg04lx_vectors import REPLIES
 
 TICK_S, BAUD, PERIOD_MS = 0.005, 115_200, 100
 POINTS = 65  # 0 to 22.5 deg: two lines of data and a part

@@ -15,8 +15,8 @@ from recorder import Recorder
 from recording.direct import DirectTap
 from recording.records import LINE, Record
 from recording.tap import AnyTap
-from tests.support.closed_loop import SESSION, ClosedLoop
-from tests.support.shipped import FLOOR, shipped
+from tests.support.robot.closed_loop import SESSION, ClosedLoop
+from tests.support.robot.shipped import FLOOR, shipped
 from tools.rig.loop import START_S, Loop
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from fakes.mti.device import FakeMti
-from tests.support.mti_frames import framed, wire
+from tests.support.devices.mti_frames import framed, wire
 
 F64 = npt.NDArray[np.float64]
 START_S = 200.0

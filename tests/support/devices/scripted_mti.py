@@ -10,7 +10,7 @@ from fakes.mti.device import FakeMti
 from fakes.mti.models import BAUDS
 from fakes.wires.wire import MemoryPort, Wire
 from hw.mti.session import Mti
-from tests.support.mti_frames import framed, wire
+from tests.support.devices.mti_frames import framed, wire
 
 F64 = npt.NDArray[np.float64]
 TICK_S, BAUD, YAW_RADPS = 0.005, 115200, 0.5

@@ -21,8 +21,8 @@ from fakes.lms1xx.device import FakeLms111
 from fakes.wires.wire import Fake, PtyWire, TcpWire
 from fakes.world.simple import Room
 from tests import ROOT
-from tests.support.modbus_rig import free_port
-from tests.support.real_time import StillWheels, level_sensor
+from tests.support.machine.modbus_rig import free_port
+from tests.support.machine.real_time import StillWheels, level_sensor
 from tools.settings import rewritten
 
 STEP_S = 0.002

@@ -1,6 +1,6 @@
 """Fuzzing of the C header: inputs to begin with, the fuzzer, and the long run.
 
-`python -m tests.support.c_fuzz --seconds 600 --seed 1` runs coverage-guided until the time is
+`python -m tests.support.link.c_fuzz --seconds 600 --seed 1` runs coverage-guided until the time is
 over; what it finds to be of use is kept in build/c/corpus.
 """
 
@@ -12,8 +12,8 @@ import sys
 from pathlib import Path
 
 from mapod_link.frames import OBJECTS, PATH
-from tests.support.object_frames import gone_record, object_record, objects_body, path_body
-from tests.support.planner_sender import VECTORS, vector
+from tests.support.link.object_frames import gone_record, object_record, objects_body, path_body
+from tests.support.link.planner_sender import VECTORS, vector
 from tools.conformance.wire import (
     DIGEST,
     GEOM,

@@ -25,7 +25,7 @@ from mapod_link.frames import (
     frame_from_bytes,
 )
 from mapod_link.wires import UdpWire
-from tests.support.planner_sender import SESSION, geom_body, map_body, op, pose_body, zone_body
+from tests.support.link.planner_sender import SESSION, geom_body, map_body, op, pose_body, zone_body
 from tools.view.driving import Limits
 from tools.view.guard import Guard
 from tools.view.link_end import LinkEnd

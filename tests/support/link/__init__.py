@@ -1,0 +1,1 @@
+"""The planner's link: senders without a mind, receivers that are right and wrong, the C header."""

@@ -1,0 +1,1 @@
+"""Of this machine: sockets, terminals, time, users and a second root."""

@@ -24,7 +24,7 @@ from collections.abc import Callable, Generator
 from operator import attrgetter
 from typing import Any, TypeVar
 
-from hw.device import DeviceStatus, Tick
+from hw.device import DeviceStatus, Session, Tick
 
 Result = TypeVar("Result")
 Answer = TypeVar("Answer")
@@ -33,6 +33,12 @@ Steps = Generator[bytes, Tick, Result]  # a part of a session that ends with a r
 
 class StartAgainError(Exception):
     """The conversation cannot go on; says why, to a person."""
+
+
+def silent() -> Session:
+    """A session after its last words: whatever comes, nothing is asked any more."""
+    while True:
+        yield b""
 
 
 class Exchange:

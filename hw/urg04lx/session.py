@@ -16,7 +16,7 @@ from typing import Any
 
 from core.records import Scan
 from hw.device import Device, DeviceStatus, Port, Session
-from hw.exchange import StartAgainError, Steps
+from hw.exchange import StartAgainError, Steps, silent
 from hw.urg04lx import sensor as says
 from hw.urg04lx.conversation import Conversation
 from hw.urg04lx.delivery import Delivery
@@ -121,7 +121,7 @@ class Urg04lx(Device[Scan]):
     def stop(self) -> None:
         """Before the program ends: it would go on streaming for nobody."""
         self.port.write(encode_request("QT"))
-        self._session = _silent()
+        self._session = silent()
         next(self._session)
 
     @property
@@ -145,9 +145,3 @@ class Urg04lx(Device[Scan]):
         self._session_now.scans.clear()
         self.clock_locked, self.is_impaired = self._maker.clock.locked, bool(self.doubt)
         return scans
-
-
-def _silent() -> Session:
-    """After the last words: whatever comes, nothing is asked any more."""
-    while True:
-        yield b""

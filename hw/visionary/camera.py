@@ -9,11 +9,12 @@ from typing import Any
 
 from core.records import DepthImage
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session
+from hw.exchange import silent
 from hw.visionary.cola import ColaParser
 from hw.visionary.depth import warm
 from hw.visionary.frames import FrameMaker, Passed
 from hw.visionary.options import VisionaryOptions
-from hw.visionary.session import Known, State, VisionarySession, silent, warnings_of
+from hw.visionary.session import Known, State, VisionarySession, warnings_of
 from hw.visionary.stream import OpenAt, Stream
 from hw.visionary.times import FrameTimes
 

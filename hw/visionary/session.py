@@ -187,12 +187,6 @@ class VisionarySession:
             self._asked["deviceState"] = ASKED["deviceState"]
 
 
-def silent() -> Session:
-    """After the last words: whatever comes, nothing is asked any more."""
-    while True:
-        yield b""
-
-
 def warnings_of(told: dict[str, int]) -> list[str]:
     """What the camera itself warns of."""
     words = {"TmpLvl": "temperature", "OpVoltageStatus": "supply voltage"}

@@ -12,6 +12,7 @@ from fakes.kinect.faults import Form
 from fakes.kinect.sensing import Lens
 from fakes.scenes.scene import Solid
 from fakes.wires.wire import Wire
+from tests.support.devices.bench_kinect import USUAL
 from tests.support.robot.depth_loop import DepthLoop, hall
 from tests.support.robot.shipped import shipped
 
@@ -67,19 +68,8 @@ def test_a_folder_fills_the_near_field_and_takes_its_free_back_when_it_ends() ->
 
 @pytest.mark.slow
 def test_a_kinects_raw_frames_fill_it_too() -> None:
-    keys: dict[str, Any] = {
-        "driver": "kinect",
-        "port": "kinect:///0?format=raw",
-        "focal_px": [580.0, 580.0],
-        "centre_px": [319.5, 239.5],
-        "mirrored": False,
-        "latency_s": 0.04,
-        "emitter_m": 0.075,
-        "reference_m": 1.2,
-        "pixel_m": 0.001042,
-        "shift": 200,
-    }
-    loop = KinectLoop(config_of(**keys), "raw", Lens())
+    config = config_of(driver="kinect", port="kinect:///0?format=raw", **USUAL)
+    loop = KinectLoop(config, "raw", Lens())
     loop.run(1.5)
     assert loop.state_at(1.3, 0.0) == FREE
     assert loop.state_at(1.7, 0.1) == OBSTACLE

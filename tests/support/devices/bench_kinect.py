@@ -15,20 +15,20 @@ from hw.depth_images.session import DepthImages, folder_on, kinect_on
 
 TICK_S = 0.004  # no part of a frame's period
 SMALL = Lens((64, 48), (58.0, 58.0), (31.5, 23.5))  # of a data set: few pixels, much time saved
+USUAL: dict[str, Any] = {
+    "focal_px": [580.0, 580.0],
+    "centre_px": [319.5, 239.5],
+    "mirrored": False,
+    "latency_s": 0.04,
+    "emitter_m": 0.075,
+    "reference_m": 1.2,
+    "pixel_m": 0.001042,
+    "shift": 200,
+}
 
 
 def options_of(**given: Any) -> KinectOptions:
-    usual: dict[str, Any] = {
-        "focal_px": [580.0, 580.0],
-        "centre_px": [319.5, 239.5],
-        "mirrored": False,
-        "latency_s": 0.04,
-        "emitter_m": 0.075,
-        "reference_m": 1.2,
-        "pixel_m": 0.001042,
-        "shift": 200,
-    }
-    return KinectOptions(**(usual | given))
+    return KinectOptions(**(USUAL | given))
 
 
 def camera_on(port: Any, form: Form) -> DepthImages:

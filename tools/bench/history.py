@@ -8,7 +8,6 @@ import json
 import math
 import os
 import platform
-import subprocess
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,6 +17,7 @@ from typing import Any
 from rich import box
 from rich.table import Table
 
+from tools.checkout import commit
 from tools.cli.options import ROOT
 
 FILE = ROOT / "docs" / "bench.jsonl"
@@ -88,16 +88,6 @@ def kept_entries(path: Path = FILE) -> list[dict[str, Any]]:
 def keep(new: Mapping[str, Any], path: Path = FILE) -> None:
     with path.open("a", encoding="utf-8") as file:
         file.write(json.dumps(new, separators=(", ", ": ")) + "\n")
-
-
-def commit() -> str:
-    """Of the sources, "+" where they were changed since; "" where there is no git."""
-    described = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
-    try:
-        done = subprocess.run(described, cwd=ROOT, capture_output=True, text=True, check=False)
-    except FileNotFoundError:
-        return ""
-    return done.stdout.strip()
 
 
 def machine() -> str:

@@ -20,9 +20,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from tools.bench.history import commit, keep, kept_entries, machine
+from tools.bench.history import keep, kept_entries, machine
 from tools.bench.pairs import Pair, Work, pairs
 from tools.bench.ratio_picture import PICTURE, draw
+from tools.checkout import commit
 from tools.cli.options import ROOT
 
 FILE = ROOT / "docs" / "bench-ratios.jsonl"

@@ -7,19 +7,19 @@ give the same id.
 import hashlib
 import json
 import os
-import subprocess
 import sys
 import tempfile
-import tomllib
 import zipfile
 from collections.abc import Iterable
 from email import message_from_bytes
 from pathlib import Path
 
+from tools.checkout import commit
 from tools.cli.options import ROOT
 from tools.flash.robot.package import MANIFEST, WHEELS, contents_id, is_kept
 from tools.flash.robot.places import FORM
 from tools.flash.wheels import BundleError, Target, libc_of, libraries, own_wheel
+from version import version
 
 FLASH = ROOT / "tools" / "flash"
 SYSTEM = ("mapod.service", "mapod.sysusers", "99-mapod.rules", "recover", "mapod-recover.service")
@@ -134,21 +134,6 @@ def licences_of(wheels: Iterable[Path]) -> tuple[list[dict[str, str]], str]:
 def _classified(told: "object") -> str:
     classes = getattr(told, "get_all")("Classifier", [])  # noqa: B009
     return "; ".join(line.rpartition(" :: ")[2] for line in classes if "License ::" in line)
-
-
-def version() -> str:
-    path = ROOT / "pyproject.toml"
-    return str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
-
-
-def commit() -> str:
-    """Of the checkout, with + where it has changes; "" where it is no checkout."""
-    command = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
-    try:
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    except OSError:
-        return ""
-    return done.stdout.strip()
 
 
 def manifest_of(path: Path) -> dict[str, object]:

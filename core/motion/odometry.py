@@ -15,6 +15,7 @@ import numpy as np
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
+from core.motion.blind import GAP_S, HIDDEN_M, BlindWay
 from core.motion.error_state import H_YAW, SCALE, SIZE, YAW, X, Y, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path, Place
@@ -25,14 +26,11 @@ from core.records import F64, ExternalPose, WheelCounts
 from jit import kernel
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
-WAITING = 64  # pairs that may wait for an attitude to cover them
+WAITING = 256  # pairs that may wait for an attitude to cover them: 8 s at 30 pairs per second
 POSES_WAITING = 16  # of a positioning system, likewise
 COUNTS_LATE_S = 0.15  # a pose waits so long for counts around it
 SILENT_S = 0.25  # a pose so long after the newest counts stands for itself
 LEAST_S = 1e-3  # nearer neighbours in time are one and the same
-GAP_S = 0.5  # an interval longer than this is checked for what it can hide
-HIDDEN_M = 0.1  # position error that such an interval may hide
-BLIND_M = 0.005  # travel without any heading that still counts as standing
 STILL_COUNTS = 1.5  # less than this in an interval is no movement: a wheel may rest on an edge
 MOST_COUNTS = 1e12  # beyond this no counter gets
 ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside scale and heading
@@ -90,6 +88,7 @@ class Odometry:
         self._path = Path()
         self.wheels = WheelCheck(self._state, track_width_m, self._m_per_count)
         self.positioning = Positioning(self._state)
+        self._blind = BlindWay()
         self._waiting: deque[WheelCounts] = deque()
         self._poses: deque[ExternalPose] = deque()
         self._pose_s = -math.inf  # of the newest pose that came
@@ -141,7 +140,8 @@ class Odometry:
         newest = self._waiting[-1] if self._waiting else self._last
         if newest is not None and not counts.t_s >= newest.t_s + LEAST_S:
             return
-        if not (math.isfinite(counts.t_s) and _is_count(counts.left) and _is_count(counts.right)):
+        are_counts = abs(counts.left) <= MOST_COUNTS and abs(counts.right) <= MOST_COUNTS
+        if not (math.isfinite(counts.t_s) and are_counts):
             return
         self._waiting.append(counts)
         if len(self._waiting) > WAITING:
@@ -226,14 +226,14 @@ class Odometry:
         right_m = (counts.right - last.right) * self._m_per_count
         travel_m = 0.5 * (left_m + right_m)
         pitch_rad, middle_rad, gap_s, gyro_rad = self._attitudes.between(last.t_s, counts.t_s)
-        unseen_turn = dt_s > GAP_S and abs(travel_m * turned_rad) > HIDDEN_M
-        blind = gap_s > GAP_S and abs(travel_m) > BLIND_M
-        if unseen_turn or blind:
+        wheels_rad = (right_m - left_m) / self._track_width_m
+        hidden_m, sure = abs(travel_m * turned_rad), self._attitudes.orientation.trusted
+        blind = self._blind.take(gap_s, travel_m, wheels_rad, turned_rad, sure=sure)
+        if blind or (dt_s > GAP_S and hidden_m > HIDDEN_M):
             hidden = "the attitude" if blind else "the wheels' counters"
             self._break(counts.t_s, f"the robot moved while {hidden} stayed away")
             return
         moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
-        wheels_rad = (right_m - left_m) / self._track_width_m
         self._attitudes.orientation.note_wheels(
             last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
         )
@@ -244,7 +244,8 @@ class Odometry:
             self._break(counts.t_s, "the robot has turned, which no straight rail lets it")
             return
         dx_m, dy_m, dz_m = self._along(travel_m * self.scale, pitch_rad, middle_rad)
-        paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, abs(travel_m * turned_rad))
+        unseen_m = max(hidden_m if dt_s > GAP_S else 0.0, self._blind.step_m)
+        paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, unseen_m)
         self.corrected_m += (paid_x_m, paid_y_m)
         x_m, y_m, z_m, driven_m = self._path.newest_m
         place_m = x_m + dx_m + paid_x_m, y_m + dy_m + paid_y_m, z_m + dz_m
@@ -264,14 +265,13 @@ class Odometry:
         return True
 
     def _lay_down(
-        self, dt_s: float, dx_m: float, dy_m: float, hidden_m: float
+        self, dt_s: float, dx_m: float, dy_m: float, unseen_m: float
     ) -> tuple[float, float]:
         """A step into the error state; how much of the pending correction is taken with it."""
         driven_m = math.hypot(dx_m, dy_m)
         slip_m = (
             0.5 * self._track_width_m * self.wheels.unexplained_rad if self.wheels.slipping else 0.0
         )
-        unseen_m = hidden_m if dt_s > GAP_S else 0.0
         return _lay_step(
             self._state.P,
             self._state.value,
@@ -303,6 +303,7 @@ class Odometry:
             self._state.value[row] = 0.0
         self.positioning.forget()
         self.wheels.restart()
+        self._blind.restart()
         self.v_mps = self.w_radps = 0.0
         self.breaks, self.broken_by = self.breaks + 1, why
 
@@ -360,7 +361,8 @@ class Odometry:
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if the position is known, or well continued, from..to."""
-        return self._path.oldest_s <= from_s and to_s <= self._path.newest_s + EXTRAPOLATED_S
+        known = self._path.oldest_s <= from_s and to_s <= self._path.newest_s + EXTRAPOLATED_S
+        return known and not self._blind.is_open
 
     def xy_at(self, at_s: float) -> F64:
         """Position (2,) in the map frame at a covered instant."""
@@ -394,7 +396,3 @@ class Odometry:
         roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()
         yaw_map_rad = wrapped(yaw_rad - self.yaw_start_rad)
         return Pose(at_s, x_m, y_m, yaw_map_rad, pitch_rad, roll_rad)
-
-
-def _is_count(count: float) -> bool:
-    return math.isfinite(count) and abs(count) <= MOST_COUNTS

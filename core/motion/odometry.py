@@ -16,14 +16,14 @@ import numpy as np
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
 from core.motion.blind import GAP_S, HIDDEN_M, BlindWay
-from core.motion.error_state import H_YAW, SCALE, SIZE, YAW, X, Y, travel
+from core.motion.error_state import H_YAW, SCALE, SIZE, YAW, X, Y, lay_step, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path, Place
+from core.motion.shift import Gap
 from core.motion.slip import SIGMA_M
 from core.motion.track import Pose
 from core.motion.wheel_check import Turn, WheelCheck
 from core.records import F64, ExternalPose, WheelCounts
-from jit import kernel
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
 WAITING = 256  # pairs that may wait for an attitude to cover them: 8 s at 30 pairs per second
@@ -37,34 +37,6 @@ ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside sca
 CORRECTION_MPS = 0.1  # position is corrected no faster, so that the map is not torn
 RAIL_RAD, OFF_RAIL_RAD = math.radians(0.5), math.radians(5.0)  # 1 sigma in its guides; out of them
 UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system tells
-
-
-@kernel
-def _lay_step(
-    P: F64,
-    value: F64,
-    step_m: tuple[float, float],
-    along_var: float,
-    across_var: float,
-    most_m: float,
-) -> tuple[float, float]:
-    """What a step makes less sure, and what the told heading does not lay as estimated.
-
-    Returns:
-        How much of the pending correction of the position is taken, `most_m` at most.
-    """
-    dx_m, dy_m = step_m
-    travel(P, dx_m, dy_m, along_var, across_var)
-    pending_rad = value[YAW]
-    value[X] -= pending_rad * dy_m
-    value[Y] += pending_rad * dx_m
-    x_m, y_m = value[X], value[Y]
-    length_m = math.hypot(x_m, y_m)
-    if length_m > most_m:
-        x_m, y_m = x_m * (most_m / length_m), y_m * (most_m / length_m)
-    value[X] -= x_m
-    value[Y] -= y_m
-    return x_m, y_m
 
 
 class Odometry:
@@ -100,6 +72,7 @@ class Odometry:
         self.v_mps = self.w_radps = 0.0  # both from the wheels
         self.breaks = 0
         self.broken_by = ""  # why it broke last, in words
+        self.maybe_gap: Gap | None = None
         self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
 
     @property
@@ -199,7 +172,8 @@ class Odometry:
         elif last is None or self._replaced:
             self._resume(counts.t_s)
         elif counts.restarts != last.restarts:
-            self._break(counts.t_s, "the wheels' counters began anew")
+            gap = self._maybe_gap(last, counts)
+            self._break(counts.t_s, "the wheels' counters began anew", gap)
         elif counts.t_s > self.newest_s:
             self._travel(last, counts, wrapped(yaw_rad - self._yaw_last_rad))
         self._last, self._yaw_last_rad, self._replaced = counts, yaw_rad, False
@@ -272,7 +246,7 @@ class Odometry:
         slip_m = (
             0.5 * self._track_width_m * self.wheels.unexplained_rad if self.wheels.slipping else 0.0
         )
-        return _lay_step(
+        return lay_step(
             self._state.P,
             self._state.value,
             (dx_m, dy_m),
@@ -293,7 +267,14 @@ class Odometry:
             -travel_m * math.sin(pitch_rad),
         )
 
-    def _break(self, t_s: float, why: str) -> None:
+    def _maybe_gap(self, last: WheelCounts, counts: WheelCounts) -> Gap | None:
+        """What is known of counters that began anew between both; None: too little."""
+        if counts.restarts != last.restarts + 1 or self.wheels.slipping:
+            return None
+        owed_m = math.hypot(*self._state.value[[X, Y]].tolist())
+        return Gap(last.t_s, counts.t_s, self.v_mps, owed_m)
+
+    def _break(self, t_s: float, why: str, maybe_gap: Gap | None = None) -> None:
         """Go on from the same place, as an island of its own."""
         place_m = self._path.newest_m
         self._path.forget()
@@ -305,7 +286,7 @@ class Odometry:
         self.wheels.restart()
         self._blind.restart()
         self.v_mps = self.w_radps = 0.0
-        self.breaks, self.broken_by = self.breaks + 1, why
+        self.breaks, self.broken_by, self.maybe_gap = self.breaks + 1, why, maybe_gap
 
     # From a positioning system
 
@@ -354,7 +335,7 @@ class Odometry:
         turn_rad = self._attitudes.orientation.pay_all()
         self._attitudes.turn_all(turn_rad)
         self._yaw_last_rad += turn_rad
-        self.breaks += 1
+        self.breaks, self.maybe_gap = self.breaks + 1, None
         self.broken_by = "the positioning system says that the robot is far from where it seemed"
 
     # What is known of an instant

@@ -231,7 +231,7 @@ AHRS = (
 NO_COUNTER = (
     "no counter for 0.4 s: the input is stale; where zero does not arrive, its watchdog stops"
 )
-RESTART = "its counters begin anew, so the maps are erased: unknown ground stops"
+RESTART = "its counters begin anew: where it can have rolled unseen, ground is unknown and stops"
 TROUBLE = "it takes the power away itself; the commander must let go first"
 RADIO = "radio or sticks have it; only a restart can have brought that: the maps are erased"
 TRAIT = "a line is read with it and without it"

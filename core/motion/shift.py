@@ -10,9 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.config import Robot
 from core.motion.attitude import AttitudeRing
 from core.records import I64
+from core.run_settings import Robot
 
 GRAVITY_MPS2 = 9.81
 RESTART_S = 0.5  # a controller that starts again gives no power for longer than this: sheet, 0.7 s

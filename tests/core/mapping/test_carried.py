@@ -2,6 +2,7 @@
 
 import math
 from random import Random
+from typing import cast
 
 import numpy as np
 from hypothesis import given, settings
@@ -11,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 from core.grid.window import ObstacleWindow
 from core.mapping.carried import carried, spread
 from core.mapping.freshness import Freshness
+from core.mapping.method import Maps
 from core.motion.shift import Shift
 from core.records import FREE, I8, OBSTACLE, UNKNOWN
 from tests.support.cases import examples
@@ -56,7 +58,8 @@ def test_wherever_in_the_strip_the_robot_truly_is_free_was_free_and_obstacles_st
 ) -> None:  # fmt: skip
     old = Map(cells, corner)
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
-    told, seen_s = carried(old, Shift((c, s), *ends_m, aside_m))  # type: ignore[arg-type]
+    shift = Shift((c, s), ends_m[0], ends_m[1], aside_m)
+    told, seen_s = carried(cast(Maps, old), shift)
     along_m, side_m = chance.uniform(*ends_m), chance.uniform(-aside_m, aside_m)
     off_m = c * along_m - s * side_m, s * along_m + c * side_m
     low_i, low_j = old.window.grid.corner_i, old.window.grid.corner_j

@@ -84,7 +84,7 @@ def test_every_place_in_the_strip_is_in_a_cell_to_which_a_step_leads(
     yaw_rad: float, ends_m: list[float], aside_m: float, at: list[float]
 ) -> None:
     heading = math.cos(yaw_rad), math.sin(yaw_rad)
-    shift = Shift(heading, *ends_m, aside_m)
+    shift = Shift(heading, ends_m[0], ends_m[1], aside_m)
     steps = {(int(i), int(j)) for i, j in shift.cells(0.2)}
     along_m, aside_m = ends_m[0] + at[0] * (ends_m[1] - ends_m[0]), aside_m * (2 * at[1] - 1)
     x_m = 0.2 * at[2] + heading[0] * along_m - heading[1] * aside_m

@@ -266,9 +266,8 @@ class App:
     def seen(self, now_s: float) -> Seen:
         """What the monitor looks at beside the records."""
         mapper, request = self.mapper, self.planners.requests.newest
-        is_first = mapper.counts.erased == 0 and not mapper.continued
         window, pose = mapper.maps.window, mapper.maybe_pose(now_s)
-        return Seen(request, pose, window, mapper.newest_scan_s, is_first)
+        return Seen(request, pose, window, mapper.newest_scan_s, mapper.off_start_m)
 
     def turn(self, now_s: float, readable: Collection[Port] = ()) -> None:
         """Live: do what is due, and take in what has arrived at these ports. Never waits.

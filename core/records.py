@@ -113,7 +113,9 @@ class WheelCounts(Struct, frozen=True, eq=False):
     t_s: float  # host monotonic clock
     left: float  # counts (quadrature edges), forward positive; unwrapped, interpolated to t_s
     right: float
-    restarts: int  # grows when the zero was lost: travel across such a step is not known
+    # grows when the zero was lost: travel across such a step is not known. By one if the controller
+    # has said that it started again, so that its motors had no power meanwhile; else by more
+    restarts: int
 
 
 class ObstacleMap(Struct, frozen=True, eq=False):

@@ -110,15 +110,23 @@ class DriveControl:
             robot.brake_mps2,
             health.stale_s(config.scanner.options.spec.period_s) + LOOP_S + ORDER_S,
         )
-        radii_m = (0.0, robot.start_clear_m) if robot.unknown_stops else (math.inf, math.inf)
-        # x, y and radius of the ground where unknown counts as free, by whether the map still is
-        # that of the start, about which the settings vouch for it; an infinite one is everywhere
-        self.clear: tuple[Place, Place] = (*START_M, radii_m[0]), (*START_M, radii_m[1])
+        self.off_start_m = 0.0  # the map's origin may be so far from where the run began
         self.v_mps = self.w_radps = 0.0  # commanded now
         self.blocked_by = ""  # why it stands although somebody wants it to move, in words
         self.maybe_barred: Barred | None = None  # the cell that it stands before, if one it is
         self._last_s = -math.inf
         self._let_go_for = ""  # what made the motors unwilling while somebody wanted them to turn
+
+    @property
+    def clear(self) -> tuple[Place, Place]:
+        """x, y and radius of the ground where unknown counts as free; inf: everywhere.
+
+        By whether it is known where the run began, about which the settings vouch for the ground.
+        """
+        robot = self._robot
+        if not robot.unknown_stops:
+            return (*START_M, math.inf), (*START_M, math.inf)
+        return (*START_M, 0.0), (*START_M, max(0.0, robot.start_clear_m - self.off_start_m))
 
     def halt(self, reason: str) -> Powers:
         self.v_mps = self.w_radps = 0.0

@@ -68,7 +68,8 @@ class Seen(NamedTuple):
     pose: Pose | None
     window: ObstacleWindow
     mapped_s: float  # last beam of the newest scan in the window
-    vouched: bool  # the map is still that of the start, for whose ground the settings vouch
+    # the map may be so far off from where the run began, for whose ground the settings vouch
+    off_start_m: float
 
 
 @kernel
@@ -299,7 +300,7 @@ class Monitor:
     def _met(self, place: Place, motion: Motion, waits_s: float, seen: Seen) -> int:
         """State of what a motion meets that goes on for so long and is then braked; or FREE."""
         robot, grid = self._robot, seen.window.grid
-        radius_m = robot.start_clear_m if seen.vouched else 0.0
+        radius_m = max(0.0, robot.start_clear_m - seen.off_start_m)
         rate_mps = abs(motion[0]) + abs(motion[1]) * self._reach_m
         return _meets(
             seen.window.cells,

@@ -4,6 +4,8 @@ It moves only where motors are enabled, all inputs are well and nothing is in th
 Source: design, section 8.
 """
 
+import math
+
 from core.config import Config
 from core.driving.control import NOT_ENABLED, DriveControl, Powers, stop_reason
 from core.driving.stall import STALLED, StallWatch
@@ -49,13 +51,13 @@ class Pilot:
             trusted,
             (told.v_mps, told.w_radps),
             request if request is not None and now_s <= request.valid_until_s else None,
-            self.start_assumed_clear,
+            self._vouch(),
         )
 
     def look_ahead(self, now_s: float, told: PoseReport, request: DriveRequest | None) -> None:
         """Whether the way to a stop leads to a drop."""
         pose, moves = self._mapper.maybe_pose(now_s), (told.v_mps, told.w_radps)
-        self.drop_ahead = self.control.drop_ahead(moves, request, pose, self.start_assumed_clear)
+        self.drop_ahead = self.control.drop_ahead(moves, request, pose, self._vouch())
 
     def powers(
         self,
@@ -82,7 +84,7 @@ class Pilot:
             request,
             stop_reason(told.health, told.mode, sight, others),
             self._mapper.maybe_pose(now_s),
-            self.start_assumed_clear,
+            self._vouch(),
             motors_off,
             (told.v_mps, told.w_radps),
         )
@@ -96,5 +98,10 @@ class Pilot:
 
     @property
     def start_assumed_clear(self) -> bool:
-        """The map still is that of the start, whose ground the settings vouch for."""
-        return self._mapper.counts.erased == 0 and not self._mapper.continued
+        """It is known where the run began, whose ground the settings vouch for."""
+        return self._mapper.off_start_m < math.inf
+
+    def _vouch(self) -> bool:
+        """The same; tells the control how well it is known."""
+        self.control.off_start_m = self._mapper.off_start_m
+        return self.start_assumed_clear

@@ -9,7 +9,7 @@ import numpy as np
 
 from core.grid.places import Ring
 from core.grid.ring import RingGrid
-from core.records import I8, I32, OBSTACLE, UNKNOWN
+from core.records import F64, I8, I32, OBSTACLE, UNKNOWN
 from jit import kernel
 
 NO_CELLS = np.zeros(0, dtype=np.int32)
@@ -22,11 +22,15 @@ class Shown(NamedTuple):
     cells: I8
     marked: I8  # 1: is in `changed`
     changed: I32  # flat indices, as many as have changed
+    under: I8  # states that show wherever UNKNOWN is put,
+    under_s: F64  # and when their cells were seen
 
 
 @kernel
 def put_state(to: int, state: int, shown: Shown, used: int) -> int:
     """Set one cell, by its flat index, and note it once; returns how many are noted."""
+    if state == UNKNOWN:
+        state = shown.under[to]
     if shown.cells[to] != state:
         shown.cells[to] = state
         if shown.marked[to] == 0:
@@ -50,6 +54,8 @@ class ObstacleWindow:
     def __init__(self, cells: int, cell_m: float) -> None:
         self.grid = RingGrid(cells, cell_m)
         self.cells: I8 = self.grid.layer(np.int8, UNKNOWN)
+        self.under: I8 = self.grid.layer(np.int8, UNKNOWN)  # shows where nothing is known
+        self.under_s: F64 = self.grid.layer(np.float64, -np.inf)  # when that was seen
         count = self.cells.size
         self.marked: I8 = np.full(count, 0, dtype=np.int8)  # flat; 1: is in `changed`
         self.changed: I32 = np.full(count, 0, dtype=np.int32)  # flat indices, `used` of them
@@ -59,11 +65,21 @@ class ObstacleWindow:
     @property
     def shown(self) -> Shown:
         """It as it is now, for kernels."""
-        return Shown(self.grid.ring, self.cells.ravel(), self.marked, self.changed)
+        under = self.under.ravel(), self.under_s.ravel()
+        return Shown(self.grid.ring, self.cells.ravel(), self.marked, self.changed, *under)
 
     def put(self, at: I32, states: I8) -> None:
         """Set cells by their flat indices (k,), row * size + column, to states (k,)."""
         self.used = _put(at, states, self.shown, self.used)
+
+    def lay_under(self, states: I8, seen_s: F64) -> None:
+        """Show states (size, size), of cells seen then, wherever nothing is known; laid out alike.
+
+        They go with the cells: as they leave the window, and as all is erased.
+        """
+        self.under[...], self.under_s[...] = states, seen_s
+        unknown = np.flatnonzero(self.cells == UNKNOWN).astype(np.int32)
+        self.put(unknown, np.full(unknown.size, UNKNOWN, dtype=np.int8))
 
     def follow(self, x_m: float, y_m: float) -> bool:
         """Keep a point of the map frame near the middle; True if the window moved."""

@@ -51,17 +51,23 @@ def _cover(
 def _expire(
     seen_s: F64, oldest_s: float, from_size: int, rows: tuple[int, int], shown: Shown, used: int
 ) -> int:
-    """Free cells of some rows (first, count) that are too old become unknown; the changes noted."""
+    """Free cells of some rows (first, count) that are too old become unknown; the changes noted.
+
+    So do those that only show where nothing is known.
+    """
     size, low_i, low_j = shown.ring.size, shown.ring.corner_i, shown.ring.corner_j
     for k in range(rows[0], rows[0] + rows[1]):
         row = k % size
         j = low_j + (row - low_j) % size
         for column in range(size):
-            if shown.cells[row * size + column] != FREE:
+            at = row * size + column
+            if shown.under[at] == FREE and shown.under_s[at] < oldest_s:
+                shown.under[at] = UNKNOWN
+            if shown.cells[at] != FREE:
                 continue
             i = low_i + (column - low_i) % size
             if seen_s[(j % from_size) * from_size + i % from_size] < oldest_s:
-                used = put_state(row * size + column, UNKNOWN, shown, used)
+                used = put_state(at, UNKNOWN, shown, used)
     return used
 
 

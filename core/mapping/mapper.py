@@ -1,7 +1,8 @@
 """Records in, maps out: holds scans until attitude and pose reach them, then adds them.
 
 A scan waits a bounded time for the attitude and the pose of its last beam; what never gets them is
-counted and dropped, not guessed. Where the odometry's chain breaks, the maps are erased.
+counted and dropped, not guessed. Where the odometry's chain breaks, the maps are erased; what still
+holds of the obstacle map, where the robot can have moved but little, is laid under the new one.
 Source: design, sections 2, 4 and 7.
 """
 
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from core.config import Config
 from core.mapping import layers
+from core.mapping.carried import carried
 from core.mapping.footing import USUAL, Footing
 from core.mapping.layers import LayerView
 from core.mapping.method import MAX_SLOPE_RAD, Maps
@@ -20,6 +22,7 @@ from core.mapping.shadows import ShadowFilter
 from core.motion.attitude import AttitudeRing
 from core.motion.odometry import Odometry
 from core.motion.pose_track import PoseTrack
+from core.motion.shift import Shift, maybe_shift
 from core.motion.track import Pose, Track
 from core.records import F64, I64, Attitude, ObstacleMap, PointSweep, Scan, WheelCounts
 
@@ -96,6 +99,11 @@ class Mapper:
         self._shadows = ShadowFilter(config)
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run
+        self.off_start_m = 0.0  # it may be off by so much from where this run began; inf: any way
+        self._robot, self._may_carry = (
+            robot,
+            not config.has_camera and config.map.method == "surface",
+        )
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
         self.newest_scan: Scan | PointSweep | None = None  # itself; none since the map was erased
         self.delivered_scan_s = float("-inf")  # the same of the newest scan there was
@@ -109,7 +117,7 @@ class Mapper:
     def go_on_from(self, xyz_m: F64, yaw_rad: float, travel_m: float) -> None:
         """Before anything has come: the map frame is an earlier run's, the body stands here."""
         self.odometry.start_at(xyz_m, yaw_rad, travel_m)
-        self.continued = True
+        self.continued, self.off_start_m = True, math.inf
 
     @property
     def waits(self) -> bool:
@@ -145,8 +153,10 @@ class Mapper:
         self._pose_s = math.nan
         self.odometry.settle()
         if self.odometry.breaks != self._breaks:
+            is_one = self.odometry.breaks == self._breaks + 1
             self._breaks = self.odometry.breaks
-            self.erase()
+            shift = self._maybe_shift() if is_one else None
+            self.erase() if shift is None else self._begin_anew(shift)
         added = 0
         while self._waiting:
             scan = self._waiting[0]
@@ -197,6 +207,21 @@ class Mapper:
         self.maps.erase()
         self.newest_scan_s, self.newest_scan = float("-inf"), None
         self.counts.erased += 1
+        self.off_start_m = math.inf
+
+    def _maybe_shift(self) -> Shift | None:
+        """How the robot has moved over the newest break; None: nobody knows."""
+        gap = self.odometry.maybe_gap
+        if gap is None or not self._may_carry:
+            return None
+        return maybe_shift(gap, self.attitudes, self.odometry.yaw_start_rad, self._robot)
+
+    def _begin_anew(self, shift: Shift) -> None:
+        """A new map, under which lies what still holds of the old one."""
+        laid, off_m = carried(self.maps, shift), self.off_start_m + shift.reach_m
+        self.erase()
+        self.maps.window.lay_under(*laid)
+        self.off_start_m = off_m
 
     def maybe_pose(self, now_s: float) -> Pose | None:
         """The body's pose now, or none; what is taken in meanwhile counts from `settle` on."""

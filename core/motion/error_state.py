@@ -108,6 +108,34 @@ def travel(P: F64, dx_m: float, dy_m: float, along_var: float, across_var: float
     P[Y, X] = P[X, Y]
 
 
+@kernel
+def lay_step(
+    P: F64,
+    value: F64,
+    step_m: tuple[float, float],
+    along_var: float,
+    across_var: float,
+    most_m: float,
+) -> tuple[float, float]:
+    """What a step makes less sure, and what the told heading does not lay as estimated.
+
+    Returns:
+        How much of the pending correction of the position is taken, `most_m` at most.
+    """
+    dx_m, dy_m = step_m
+    travel(P, dx_m, dy_m, along_var, across_var)
+    pending_rad = value[YAW]
+    value[X] -= pending_rad * dy_m
+    value[Y] += pending_rad * dx_m
+    x_m, y_m = value[X], value[Y]
+    length_m = math.hypot(x_m, y_m)
+    if length_m > most_m:
+        x_m, y_m = x_m * (most_m / length_m), y_m * (most_m / length_m)
+    value[X] -= x_m
+    value[Y] -= y_m
+    return x_m, y_m
+
+
 @allocating_kernel
 def correct(P: F64, value: F64, h: F64, innovation: float, variance: float) -> None:
     """One scalar measurement: innovation, measured minus expected, = h (19,) . error + noise.

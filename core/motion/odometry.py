@@ -15,58 +15,28 @@ import numpy as np
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
-from core.motion.error_state import H_YAW, SCALE, SIZE, YAW, X, Y, travel
+from core.motion.blind import GAP_S, HIDDEN_M, BlindWay
+from core.motion.error_state import H_YAW, SCALE, SIZE, YAW, X, Y, lay_step, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path, Place
+from core.motion.shift import Gap
 from core.motion.slip import SIGMA_M
 from core.motion.track import Pose
 from core.motion.wheel_check import Turn, WheelCheck
 from core.records import F64, ExternalPose, WheelCounts
-from jit import kernel
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
-WAITING = 64  # pairs that may wait for an attitude to cover them
+WAITING = 256  # pairs that may wait for an attitude to cover them: 8 s at 30 pairs per second
 POSES_WAITING = 16  # of a positioning system, likewise
 COUNTS_LATE_S = 0.15  # a pose waits so long for counts around it
 SILENT_S = 0.25  # a pose so long after the newest counts stands for itself
 LEAST_S = 1e-3  # nearer neighbours in time are one and the same
-GAP_S = 0.5  # an interval longer than this is checked for what it can hide
-HIDDEN_M = 0.1  # position error that such an interval may hide
-BLIND_M = 0.005  # travel without any heading that still counts as standing
 STILL_COUNTS = 1.5  # less than this in an interval is no movement: a wheel may rest on an edge
 MOST_COUNTS = 1e12  # beyond this no counter gets
 ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside scale and heading
 CORRECTION_MPS = 0.1  # position is corrected no faster, so that the map is not torn
 RAIL_RAD, OFF_RAIL_RAD = math.radians(0.5), math.radians(5.0)  # 1 sigma in its guides; out of them
 UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system tells
-
-
-@kernel
-def _lay_step(
-    P: F64,
-    value: F64,
-    step_m: tuple[float, float],
-    along_var: float,
-    across_var: float,
-    most_m: float,
-) -> tuple[float, float]:
-    """What a step makes less sure, and what the told heading does not lay as estimated.
-
-    Returns:
-        How much of the pending correction of the position is taken, `most_m` at most.
-    """
-    dx_m, dy_m = step_m
-    travel(P, dx_m, dy_m, along_var, across_var)
-    pending_rad = value[YAW]
-    value[X] -= pending_rad * dy_m
-    value[Y] += pending_rad * dx_m
-    x_m, y_m = value[X], value[Y]
-    length_m = math.hypot(x_m, y_m)
-    if length_m > most_m:
-        x_m, y_m = x_m * (most_m / length_m), y_m * (most_m / length_m)
-    value[X] -= x_m
-    value[Y] -= y_m
-    return x_m, y_m
 
 
 class Odometry:
@@ -90,6 +60,7 @@ class Odometry:
         self._path = Path()
         self.wheels = WheelCheck(self._state, track_width_m, self._m_per_count)
         self.positioning = Positioning(self._state)
+        self._blind = BlindWay()
         self._waiting: deque[WheelCounts] = deque()
         self._poses: deque[ExternalPose] = deque()
         self._pose_s = -math.inf  # of the newest pose that came
@@ -101,6 +72,7 @@ class Odometry:
         self.v_mps = self.w_radps = 0.0  # both from the wheels
         self.breaks = 0
         self.broken_by = ""  # why it broke last, in words
+        self.maybe_gap: Gap | None = None
         self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
 
     @property
@@ -141,7 +113,8 @@ class Odometry:
         newest = self._waiting[-1] if self._waiting else self._last
         if newest is not None and not counts.t_s >= newest.t_s + LEAST_S:
             return
-        if not (math.isfinite(counts.t_s) and _is_count(counts.left) and _is_count(counts.right)):
+        are_counts = abs(counts.left) <= MOST_COUNTS and abs(counts.right) <= MOST_COUNTS
+        if not (math.isfinite(counts.t_s) and are_counts):
             return
         self._waiting.append(counts)
         if len(self._waiting) > WAITING:
@@ -199,7 +172,8 @@ class Odometry:
         elif last is None or self._replaced:
             self._resume(counts.t_s)
         elif counts.restarts != last.restarts:
-            self._break(counts.t_s, "the wheels' counters began anew")
+            gap = self._maybe_gap(last, counts)
+            self._break(counts.t_s, "the wheels' counters began anew", gap)
         elif counts.t_s > self.newest_s:
             self._travel(last, counts, wrapped(yaw_rad - self._yaw_last_rad))
         self._last, self._yaw_last_rad, self._replaced = counts, yaw_rad, False
@@ -226,14 +200,14 @@ class Odometry:
         right_m = (counts.right - last.right) * self._m_per_count
         travel_m = 0.5 * (left_m + right_m)
         pitch_rad, middle_rad, gap_s, gyro_rad = self._attitudes.between(last.t_s, counts.t_s)
-        unseen_turn = dt_s > GAP_S and abs(travel_m * turned_rad) > HIDDEN_M
-        blind = gap_s > GAP_S and abs(travel_m) > BLIND_M
-        if unseen_turn or blind:
+        wheels_rad = (right_m - left_m) / self._track_width_m
+        hidden_m, sure = abs(travel_m * turned_rad), self._attitudes.orientation.trusted
+        blind = self._blind.take(gap_s, travel_m, wheels_rad, turned_rad, sure=sure)
+        if blind or (dt_s > GAP_S and hidden_m > HIDDEN_M):
             hidden = "the attitude" if blind else "the wheels' counters"
             self._break(counts.t_s, f"the robot moved while {hidden} stayed away")
             return
         moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
-        wheels_rad = (right_m - left_m) / self._track_width_m
         self._attitudes.orientation.note_wheels(
             last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
         )
@@ -244,7 +218,8 @@ class Odometry:
             self._break(counts.t_s, "the robot has turned, which no straight rail lets it")
             return
         dx_m, dy_m, dz_m = self._along(travel_m * self.scale, pitch_rad, middle_rad)
-        paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, abs(travel_m * turned_rad))
+        unseen_m = max(hidden_m if dt_s > GAP_S else 0.0, self._blind.step_m)
+        paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, unseen_m)
         self.corrected_m += (paid_x_m, paid_y_m)
         x_m, y_m, z_m, driven_m = self._path.newest_m
         place_m = x_m + dx_m + paid_x_m, y_m + dy_m + paid_y_m, z_m + dz_m
@@ -264,15 +239,14 @@ class Odometry:
         return True
 
     def _lay_down(
-        self, dt_s: float, dx_m: float, dy_m: float, hidden_m: float
+        self, dt_s: float, dx_m: float, dy_m: float, unseen_m: float
     ) -> tuple[float, float]:
         """A step into the error state; how much of the pending correction is taken with it."""
         driven_m = math.hypot(dx_m, dy_m)
         slip_m = (
             0.5 * self._track_width_m * self.wheels.unexplained_rad if self.wheels.slipping else 0.0
         )
-        unseen_m = hidden_m if dt_s > GAP_S else 0.0
-        return _lay_step(
+        return lay_step(
             self._state.P,
             self._state.value,
             (dx_m, dy_m),
@@ -293,7 +267,14 @@ class Odometry:
             -travel_m * math.sin(pitch_rad),
         )
 
-    def _break(self, t_s: float, why: str) -> None:
+    def _maybe_gap(self, last: WheelCounts, counts: WheelCounts) -> Gap | None:
+        """What is known of counters that began anew between both; None: too little."""
+        if counts.restarts != last.restarts + 1 or self.wheels.slipping:
+            return None
+        owed_m = math.hypot(*self._state.value[[X, Y]].tolist())
+        return Gap(last.t_s, counts.t_s, self.v_mps, owed_m)
+
+    def _break(self, t_s: float, why: str, maybe_gap: Gap | None = None) -> None:
         """Go on from the same place, as an island of its own."""
         place_m = self._path.newest_m
         self._path.forget()
@@ -303,8 +284,9 @@ class Odometry:
             self._state.value[row] = 0.0
         self.positioning.forget()
         self.wheels.restart()
+        self._blind.restart()
         self.v_mps = self.w_radps = 0.0
-        self.breaks, self.broken_by = self.breaks + 1, why
+        self.breaks, self.broken_by, self.maybe_gap = self.breaks + 1, why, maybe_gap
 
     # From a positioning system
 
@@ -353,14 +335,15 @@ class Odometry:
         turn_rad = self._attitudes.orientation.pay_all()
         self._attitudes.turn_all(turn_rad)
         self._yaw_last_rad += turn_rad
-        self.breaks += 1
+        self.breaks, self.maybe_gap = self.breaks + 1, None
         self.broken_by = "the positioning system says that the robot is far from where it seemed"
 
     # What is known of an instant
 
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if the position is known, or well continued, from..to."""
-        return self._path.oldest_s <= from_s and to_s <= self._path.newest_s + EXTRAPOLATED_S
+        known = self._path.oldest_s <= from_s and to_s <= self._path.newest_s + EXTRAPOLATED_S
+        return known and not self._blind.is_open
 
     def xy_at(self, at_s: float) -> F64:
         """Position (2,) in the map frame at a covered instant."""
@@ -394,7 +377,3 @@ class Odometry:
         roll_rad, pitch_rad, yaw_rad = self._attitudes.newest_rpy()
         yaw_map_rad = wrapped(yaw_rad - self.yaw_start_rad)
         return Pose(at_s, x_m, y_m, yaw_map_rad, pitch_rad, roll_rad)
-
-
-def _is_count(count: float) -> bool:
-    return math.isfinite(count) and abs(count) <= MOST_COUNTS

@@ -5,6 +5,7 @@ from typing import Protocol
 from msgspec import Struct
 
 from core.motion.path import Place
+from core.motion.shift import Gap
 from core.records import F64, ExternalPose, WheelCounts
 
 
@@ -27,6 +28,7 @@ class Track(Protocol):
     w_radps: float  # counter-clockwise
     breaks: int
     broken_by: str  # why it broke last, in words
+    maybe_gap: Gap | None  # what is known of the newest break; None: nothing
     corrected_m: F64  # (2,) sum of the corrections that went into the place, map frame
 
     @property

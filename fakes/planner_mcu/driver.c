@@ -12,6 +12,10 @@
 #define REFUSED_STEPS 20u     /* asked to move, and not moving */
 #define LET_GO_STEPS 4u       /* zero is asked for after that */
 #define REFUSALS 8u           /* in a row, and the drive is given up */
+#define UNVOUCHED_STOPS 10u   /* for unseen ground, in a row: the start that is assumed clear shrinks */
+#define UNVOUCHED_MM 500      /* by so much */
+#define ZONE_OBSTRUCTED 1u    /* causes of the stop zone */
+#define ZONE_UNSEEN 2u
 #define GOAL_STEPS 6000u      /* for one goal, at most: ten minutes */
 #define MOVING_MMPS 20
 #define ARRIVING_MMPS 160     /* faster, the goal is not reached before it is nearer: */
@@ -96,6 +100,24 @@ static void check_session(struct driver *driver, const struct mapod_link *link)
     driver->has_session = true;
 }
 
+static bool does_move(const struct driver *driver)
+{
+    return (magnitude(driver->moves.v_mmps) > MOVING_MMPS) ||
+           (magnitude(driver->moves.w_mradps) > (2 * MOVING_MMPS));
+}
+
+/* A sender that stops a standing robot for unseen ground, again and again, vouches for less of the
+ * start than the settings do: it may not know any more where that was. */
+static void doubt_start(struct driver *driver, const struct mapod_zone *zone)
+{
+    const bool is_unseen = (zone->causes & (ZONE_UNSEEN | ZONE_OBSTRUCTED)) == ZONE_UNSEEN;
+    driver->unvouched = (is_unseen && !does_move(driver)) ? (driver->unvouched + 1u) : 0u;
+    if (driver->unvouched >= UNVOUCHED_STOPS) {
+        driver->unvouched = 0u;
+        driver->settings.clear_mm = most(0, driver->settings.clear_mm - UNVOUCHED_MM);
+    }
+}
+
 /* What the link and the sender's stop zone allow; false: nothing at all, and why. */
 static bool find_limits(struct driver *driver, struct mapod_link *link, struct mapod_zone *zone,
                         uint32_t now_ms, struct limits *limits)
@@ -121,6 +143,7 @@ static bool find_limits(struct driver *driver, struct mapod_link *link, struct m
     }
     if ((judged == MAPOD_STOP) && is_moving(driver->asked)) {
         driver->why = (uint8_t)DRIVER_WHY_ZONE_STOP;
+        doubt_start(driver, zone);
         return false;
     }
     return true;
@@ -160,8 +183,6 @@ static void after_refusal(struct driver *driver)
 /* Whether a robot that is asked to move does not; then nothing is asked for, for a while. */
 static bool is_refused(struct driver *driver)
 {
-    const bool moves = (magnitude(driver->moves.v_mmps) > MOVING_MMPS) ||
-                       (magnitude(driver->moves.w_mradps) > (2 * MOVING_MMPS));
     if (driver->refused >= REFUSED_STEPS) {
         driver->refused++;
         if (driver->refused > (REFUSED_STEPS + LET_GO_STEPS)) {
@@ -169,7 +190,7 @@ static bool is_refused(struct driver *driver)
         }
         return true;
     }
-    driver->refused = (is_moving(driver->asked) && !moves) ? (driver->refused + 1u) : 0u;
+    driver->refused = (is_moving(driver->asked) && !does_move(driver)) ? (driver->refused + 1u) : 0u;
     return false;
 }
 

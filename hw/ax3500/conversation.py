@@ -34,7 +34,8 @@ class CounterStream:
     """What the session hears, for the side that measures."""
 
     readings: list[tuple[int, float, int]] = field(default_factory=list)  # channel, t_s, raw
-    zero_lost: bool = False  # the controller has restarted
+    zero_lost: bool = False  # the controller has restarted,
+    by_other: bool = False  # and another one than mapod may have driven meanwhile
     watchdog_stops: int = 0
     identity: int | None = None
     controller: ControllerState = field(default_factory=ControllerState)
@@ -107,13 +108,14 @@ class Conversation:
             if text and not restart and not self.expects_restart and is_start_up(text):
                 restart = text
         if restart:
-            self.have_restarted()
+            self.have_restarted(restart)
             raise StartAgainError(f"the controller has restarted: it sent {restart!r}")
         return events
 
-    def have_restarted(self) -> None:
-        """Its counters begin at zero, in the mode that its flash says."""
+    def have_restarted(self, line: str) -> None:
+        """Its counters begin at zero, in the mode that its flash says and this line shows."""
         self._stream.zero_lost, self.entered = True, False
+        self._stream.by_other |= line.startswith(":")
 
     def enter(self) -> Steps[None]:
         """RS-232 mode by ten CR in a row; more, in case it was still starting up."""
@@ -123,7 +125,8 @@ class Conversation:
 
         before, self.expects_restart = self.expects_restart, True
         if (yield from self.exchange.ask(CR, maybe_ok, CR_EVERY_S, CR_COUNT)):
-            self._stream.zero_lost = True  # only a restart can have brought R/C mode
+            # only a restart can have brought R/C mode, in which its radio drives
+            self._stream.zero_lost = self._stream.by_other = True
             self.entered = True
             yield from self.exchange.turn(self.stop_motors())
         self.expects_restart = before

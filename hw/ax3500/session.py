@@ -143,7 +143,7 @@ class Ax3500Session:
                 quiet_s, limit_s = x.now_s, BOOT_S
                 if not isinstance(event, Line) or not is_start_up(event.text):
                     continue
-                self._talk.have_restarted()
+                self._talk.have_restarted(event.text)
                 if event.text == "OK":
                     return
                 if event.text.startswith(":") and self._may_enter:
@@ -380,8 +380,8 @@ class Ax3500(Device[WheelCounts]):
 
     def _measure(self, now_s: float, events: list[Any]) -> list[WheelCounts]:
         if self.stream.zero_lost:
-            self._counters.forget_zero()
-            self.stream.zero_lost = False
+            self._counters.forget_zero(unpowered=not self.stream.by_other)
+            self.stream.zero_lost = self.stream.by_other = False
         self.emergency_stop = bool(self.stream.controller.emergency_stop)
         if not self.stream.readings:
             return []

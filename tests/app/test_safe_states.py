@@ -13,9 +13,13 @@ from core.driving import health
 from core.driving.control import ORDER_S
 from core.driving.health import AHRS_STALE_S, WHEELS_STALE_S, stale_s
 from core.motion.wheel_check import IGNORED_RAD
+from core.records import FREE
+from fakes.scenes.scene import Solid
 from tests import ROOT
-from tests.app.test_drive import Commander, driving
+from tests.app.test_drive import FRONT_M, Commander, driving
 from tests.support.cases import few
+from tests.support.closed_loop import compare
+from tests.support.shipped import FLOOR
 
 ROOMS = "core", "hw", "recording"
 STEP_S = 0.005  # of the loop here
@@ -60,15 +64,63 @@ def test_an_input_that_stops_or_repeats_itself_is_told_and_stops_the_wheels_in_t
     assert stale_after_s + REPAIR_S < 1.2
 
 
-def test_a_controller_that_starts_again_ends_the_map_and_nothing_moves_by_itself() -> None:
-    commander = driving(start_clear_m=12.0)
+def started_again(commander: Commander) -> float:
+    """Its controller starts again; nothing moves by itself. How far the map may be off then."""
+    mapper, erased = commander.loop.app.mapper, commander.loop.app.mapper.counts.erased
     commander.loop.rig.drive.reset(commander.loop.now_s)
     commander.run(ORDER_S + LOOK_S)
     commander.powers = set()
     commander.run(2.5)  # while the commander goes on asking
     assert not commander.has_moved
-    assert commander.loop.app.mapper.counts.erased > 0
-    assert not commander.loop.app.pilot.start_assumed_clear
+    assert mapper.counts.erased == erased + 1
+    return mapper.off_start_m
+
+
+BOX = Solid("box", (6.5, 7.3), (-0.3, 0.6), (0.0, 0.8))
+
+
+def test_after_a_controller_started_again_the_map_holds_as_far_as_it_can_have_rolled() -> None:
+    commander = Commander(FLOOR, BOX)
+    commander.drive(0.6, 0.0, 3.0)
+    off_m = started_again(commander)
+    assert 0.0 < off_m < 1.0
+    app, (x, y, _) = commander.loop.app, commander.place
+    pose = app.mapper.maybe_pose(commander.loop.now_s)
+    assert pose is not None
+    assert np.hypot(pose.x_m - x, pose.y_m - y) <= off_m
+    assert app.pilot.control.clear[app.pilot.start_assumed_clear][2] == 12.0 - off_m
+    comparison = compare(commander.loop)
+    assert (commander.loop.map_now() == FREE).sum() > 100
+    assert comparison.free_on_obstacle == []
+    commander.drive(0.0, 0.0, 0.5)
+    commander.drive(0.6, 0.0, 9.0)  # it goes on, and stops before the box
+    assert commander.place[0] > x + 1.0
+    assert commander.place[0] < BOX.x[0] - FRONT_M
+    assert commander.blocked_by == "an obstacle is in the way"
+    told = commander.loop.planner.window()
+    meant = np.array([0, 2, 1], dtype=np.uint8)[commander.loop.map_now()]
+    assert int((told != meant).sum()) <= 20  # what this very tick's scan changed
+
+
+def test_a_second_restart_adds_to_what_the_map_may_be_off() -> None:
+    commander = driving(start_clear_m=12.0)
+    once_m = started_again(commander)
+    twice_m = started_again(commander)
+    assert 1.1 * once_m < twice_m < 2.0 * once_m  # the second time it stood
+
+
+def test_a_controller_that_starts_again_with_its_radio_ends_the_map() -> None:
+    commander = driving(start_clear_m=12.0)
+    fake, app = commander.loop.rig.drive, commander.loop.app
+    fake.parameters[0] = 0
+    fake.reset(commander.loop.now_s)
+    commander.run(1.5)
+    fake.mode = "rs232_watchdog"
+    commander.run(3.0)
+    assert app.mapper.counts.erased == 1
+    assert app.mapper.off_start_m == np.inf
+    assert not app.pilot.start_assumed_clear
+    assert not app.mapper.maps.window.under.any()
 
 
 def test_an_attitude_whose_gyro_contradicts_its_angles_is_counted_and_the_angles_are_told() -> None:

@@ -5,7 +5,7 @@ can be told and is no fault stands in NO_FAULTS, with the reason: nothing is lef
 """
 
 import random
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -164,14 +164,14 @@ SCANNER = (
 
 # Attitude sensor. Source: docs/devices.md, docs/maps.md, docs/architecture.md
 
-NO_ATTITUDE = "no attitude for 0.15 s: it brakes without a heading, so the maps are erased"
+NO_ATTITUDE = "no attitude for 0.15 s: it brakes, and the wheels tell that way"
 NOT_USED = "not used: attitude and rate of turn are all that mapod takes"
 FIELD = "the gyro carries the heading, a field that is not the earth's does not count"
 ONE = "one message is missing, the next one is there in time"
 JUMP = "a counter that jumps makes the clock doubtful until it is known again"
 SET_UP_S = 6.0  # wake-up, settings read and compared, clock locked
 
-_AHRS = (
+AHRS = (
     *wire_faults("ahrs", ("mute",), NO_ATTITUDE, "0.0005", 48_000),
     stops("ahrs.mute", NO_ATTITUDE),
     goes_on("ahrs.deaf", "data come on, nothing is asked while it runs"),
@@ -224,11 +224,6 @@ _AHRS = (
     goes_on("ahrs.accel_noise_mps2", NOT_USED, "1"),
     goes_on("ahrs.temperature_deg", NOT_USED, "80"),
 )
-AHRS = (
-    tuple(  # whatever stops this sensor while the robot drives ends the map: it waits for a person
-        fault if fault.must == "goes on" else replace(fault, again=False) for fault in _AHRS
-    )
-)
 
 # Motor controller, and the planner's end. Source: docs/devices.md, README ("Drive"),
 # docs/protocols/planner-link.md (DRIVE)
@@ -236,7 +231,7 @@ AHRS = (
 NO_COUNTER = (
     "no counter for 0.4 s: the input is stale; where zero does not arrive, its watchdog stops"
 )
-RESTART = "its counters begin anew, so the maps are erased: unknown ground stops"
+RESTART = "its counters begin anew: where it can have rolled unseen, ground is unknown and stops"
 TROUBLE = "it takes the power away itself; the commander must let go first"
 RADIO = "radio or sticks have it; only a restart can have brought that: the maps are erased"
 TRAIT = "a line is read with it and without it"

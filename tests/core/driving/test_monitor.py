@@ -28,7 +28,7 @@ def test_a_robot_in_order_gets_its_power_and_halts_are_counted() -> None:
 
 def test_to_compile_its_kernel_halts_nothing() -> None:
     robot = Robot()
-    robot.monitor.warm(Seen(None, None, robot.window, robot.mapped_s, robot.vouched))
+    robot.monitor.warm(Seen(None, None, robot.window, robot.mapped_s, math.inf))
     assert robot.told(0.5, 0.2) == ""
     assert robot.monitor.halts == 0
 

@@ -126,15 +126,13 @@ def test_wheels_get_power_only_where_nothing_speaks_against_it() -> None:
     assert shut.pilot.control.blocked_by == NOT_ENABLED
 
 
-@pytest.mark.parametrize(
-    ("erased", "continued", "goes"), [(0, False, True), (1, False, False), (0, True, False)]
-)
-def test_the_settings_vouch_for_the_ground_of_a_new_map_only(
-    erased: int, continued: bool, goes: bool
+@pytest.mark.parametrize(("off_m", "goes"), [(0.0, True), (3.5, False), (math.inf, False)])
+def test_the_settings_vouch_as_long_as_it_is_known_where_the_run_began(
+    off_m: float, goes: bool
 ) -> None:
     robot = Robot()
     robot.mapper.maps.window.cells[...] = UNKNOWN
-    robot.mapper.counts.erased, robot.mapper.continued = erased, continued
+    robot.mapper.off_start_m = off_m
     assert any(robot.powers()) is goes
 
 

@@ -109,17 +109,61 @@ def test_counters_away_while_the_robot_turned_and_moved_break_the_chain(
         assert odometry.xy_at(3.0)[0] == pytest.approx(1.5)
 
 
-def test_driving_without_any_attitude_breaks_the_chain_but_standing_does_not() -> None:
-    for moved_m, breaks in ((0.0, 0), (0.5, 1)):
-        ring, odometry = drive(0.5, 0.0, 1.0)
-        for k in range(1, 41):
-            counts = (0.5 + moved_m * k / 40) * COUNTS_PER_M
-            odometry.add(WheelCounts(1.0 + 0.05 * k, counts, counts, 0))
-        ring.add(attitude(3.0))
-        odometry.settle()
-        assert (odometry.breaks > 0) == bool(breaks)
-        away = "the robot moved while the attitude stayed away"
-        assert odometry.broken_by == (away if breaks else "")
+def without_attitude(moved_m: float, wheels_rad: float, yaw_rad: float) -> Odometry:
+    """Straight on for a second; then two in which the attitude is away, and a half after it."""
+    ring, odometry = drive(0.5, 0.0, 1.0)
+    for k in range(1, 51):
+        share, t_s = min(k / 40, 1.0), 1.0 + 0.05 * k
+        way_m, turn_m = 0.5 + moved_m * share, 0.5 * TRACK_M * wheels_rad * share
+        left, right = (way_m - turn_m) * COUNTS_PER_M, (way_m + turn_m) * COUNTS_PER_M
+        odometry.add(WheelCounts(t_s, left, right, 0))
+        if t_s > 3.0:
+            for n in range(5):
+                ring.add(attitude(t_s - 0.04 + 0.01 * n, yaw=yaw_rad))
+            odometry.settle()
+    return odometry
+
+
+@pytest.mark.parametrize(
+    ("moved_m", "wheels_rad", "yaw_rad", "known"),
+    [
+        (0.0, 0.0, 0.0, True),
+        (0.0, 0.0, 1.0, True),  # somebody turned it
+        (0.4, 0.0, 0.0, True),
+        (0.3, 0.2, 0.21, True),
+        (0.4, 0.0, 0.06, False),  # one of both is wrong
+        (0.4, 0.2, 0.0, False),
+        (3.0, 0.0, 0.0, False),  # a little askew would lead far off
+        (0.6, 0.3, 0.3, False),
+    ],
+)
+def test_a_short_way_without_attitude_is_known_where_wheels_and_attitude_tell_the_same_turn(
+    moved_m: float, wheels_rad: float, yaw_rad: float, known: bool
+) -> None:
+    odometry = without_attitude(moved_m, wheels_rad, yaw_rad)
+    assert (odometry.breaks == 0) == known
+    away = "the robot moved while the attitude stayed away"
+    assert odometry.broken_by == ("" if known else away)
+    if known:
+        end_m = odometry.xy_at(3.5)
+        np.testing.assert_allclose(end_m, [0.5 + moved_m, 0.5 * moved_m * yaw_rad], atol=0.03)
+
+
+def test_no_place_is_known_before_a_way_without_attitude_is_judged() -> None:
+    ring, odometry = drive(0.5, 0.0, 1.0)
+    for k in range(1, 11):
+        counts = (0.5 + 0.04 * min(k, 5)) * COUNTS_PER_M
+        odometry.add(WheelCounts(1.0 + 0.1 * k, counts, counts, 0))
+    ring.add(attitude(1.95))
+    odometry.settle()
+    assert odometry.maybe_pose(1.95) is None
+    assert not odometry.covers(1.95, 1.95)
+    for k in range(1, 11):
+        ring.add(attitude(1.95 + 0.01 * k))
+    odometry.add(WheelCounts(2.05, counts, counts, 0))
+    odometry.settle()
+    assert odometry.maybe_pose(2.05) is not None
+    assert odometry.covariance[0, 0] > 1e-5
 
 
 def test_height_and_travel_come_from_wheels_and_pitch_and_go_on_alike() -> None:

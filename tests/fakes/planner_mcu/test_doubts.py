@@ -1,7 +1,9 @@
 """The C planner stops on every doubt, says why, and goes on when the doubt is gone."""
 
 import pytest
+from msgspec.structs import replace
 
+from core.driving.zone import OBSTRUCTED, UNSEEN
 from core.records import OBSTACLE, UNKNOWN, StopZoneReport
 from tests.support.link.c_bench import STOP, Bench, driving, set_out, zone_report
 from tools.rig.c_planner import PlannerSettings
@@ -97,6 +99,25 @@ def test_a_robot_that_does_not_obey_is_let_go_of_now_and_then() -> None:
     while bench.state.state != "stopped":  # and in the end it is given up
         assert bench.now_s < 270.0
         bench.run(1.0)
+
+
+def test_a_start_that_the_sender_does_not_vouch_for_any_more_is_assumed_clear_no_farther() -> None:
+    bench = Bench(PlannerSettings(start_clear_m=9.0))
+    bench.cells[:] = UNKNOWN
+    driving(bench)
+    bench.zone = replace(zone_report(state=STOP), causes=UNSEEN)
+    bench.run(40.0)
+    bench.zone = zone_report()
+    bench.run(2.0)
+    assert bench.newest == (0.0, 0.0)  # all around is unknown
+    bench = Bench(PlannerSettings(start_clear_m=9.0))
+    bench.cells[:] = UNKNOWN
+    driving(bench)
+    bench.zone = replace(zone_report(state=STOP), causes=UNSEEN | OBSTRUCTED)
+    bench.run(40.0)
+    bench.zone = zone_report()
+    bench.run(2.0)
+    assert bench.newest != (0.0, 0.0)  # that is another matter
 
 
 @pytest.mark.slow

@@ -136,7 +136,8 @@ def test_a_restart_in_the_middle_of_polling_is_a_new_zero(mode: Stored, boot_s: 
     after = bench.run(4.0 + 2 * boot_s)[-30:]
     assert bench.state == "running"
     assert before.restarts == 0
-    assert {counts.restarts for counts in after} == {1}
+    by_radio = mode == "rc"  # which may have driven meanwhile
+    assert {counts.restarts for counts in after} == {2 if by_radio else 1}
     check_travel(after, 800.0, 5)
 
 
@@ -149,7 +150,7 @@ def test_a_restart_into_radio_mode_is_told_where_it_may_not_be_taken_over() -> N
     bench.run(2.0)
     assert (bench.state, bench.cause) == ("starting", IN_RC_MODE)
     bench.fake.mode = "rs232"
-    assert bench.run(3.0)[-1].restarts == 1
+    assert bench.run(3.0)[-1].restarts == 2
 
 
 # ---- faults of the line

@@ -68,7 +68,7 @@ class Robot:
             "pose": Pose(self.now_s, self.x_m, self.y_m, self.yaw_rad, 0.0, 0.0),
             "window": self.window,
             "mapped_s": self.mapped_s,
-            "vouched": self.vouched,
+            "off_start_m": 0.0 if self.vouched else math.inf,
         }
         return self.monitor.passed(self.now_s, powers, Seen(**given | seen))
 

@@ -1,0 +1,112 @@
+"""How far a robot can have rolled while nobody counted, as a bound: a strip along its heading.
+
+A controller that starts again counts from zero, and what the wheels did meanwhile is lost. But the
+attitude has told all the time where the body pointed, a wheeled body goes where it points, and how
+fast it may go follows from the speed before and from what changes speeds: motors and a slope.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from core.motion.attitude import AttitudeRing
+from core.records import I64
+from core.run_settings import Robot
+
+GRAVITY_MPS2 = 9.81
+RESTART_S = 0.5  # a controller that starts again gives no power for longer than this: sheet, 0.7 s
+LAG = 2.0  # a motor that lags behind what it was told changes its speed so much faster
+TILT_RAD = math.radians(0.5)  # by so much may the told tilt be off: sheet, static accuracy
+LIFTED_RAD = 0.06  # roll or pitch that changes more: something else than wheels moves the body
+ASIDE_RAD = 0.05  # a body that brakes goes aside of where it points
+SLACK_M = 0.05  # the speed before is a mean over an interval of the counts; rounding
+LOOK_S = 0.02  # the attitude is looked at so often
+MOST_M = 2.0  # a strip longer than this leaves nothing of use
+
+
+class Gap(NamedTuple):
+    """Counters were away, and began anew."""
+
+    from_s: float  # newest counts before it,
+    to_s: float  # and first ones behind
+    v_mps: float  # before it
+    owed_m: float  # by which the told place was to be corrected still
+
+
+class Shift(NamedTuple):
+    """Where a body can be, as seen from where it is told to be, in the map frame."""
+
+    heading: tuple[float, float]  # unit vector along the strip
+    least_m: float  # along that, signed
+    most_m: float
+    aside_m: float  # to either side of it
+
+    @property
+    def reach_m(self) -> float:
+        """How far it can be at most."""
+        return math.hypot(max(-self.least_m, self.most_m), self.aside_m)
+
+    def cells(self, cell_m: float) -> I64:
+        """All (k, 2) steps from a cell to one that a point of it can be in: i, j."""
+        (c, s), n = self.heading, math.ceil(self.reach_m / cell_m) + 1
+        i, j = np.mgrid[-n : n + 1, -n : n + 1].reshape(2, -1)
+        # the strip and the square of all steps between points of two such cells: apart along an
+        # edge of either, if they are
+        middle, half = (self.least_m + self.most_m) / 2, (self.most_m - self.least_m) / 2
+        x, y = i * cell_m - c * middle, j * cell_m - s * middle
+        wide = cell_m * (abs(c) + abs(s))
+        meets = abs(c * x + s * y) < half + wide
+        meets &= abs(c * y - s * x) < self.aside_m + wide
+        meets &= abs(x) < cell_m + half * abs(c) + self.aside_m * abs(s)
+        meets &= abs(y) < cell_m + half * abs(s) + self.aside_m * abs(c)
+        return np.stack([i[meets], j[meets]], axis=1)
+
+
+def rolled_m(v_mps: float, passed_s: float, robot: Robot, slope_mps2: float) -> float:
+    """The farthest way with a speed of v_mps, or against one below 0; metres, not below 0.
+
+    While its motors may have power it speeds up, to its fastest; then it slows down.
+    """
+    accel, brake = LAG * robot.max_accel_mps2, robot.brake_mps2
+    powered_s = max(0.0, passed_s - RESTART_S)
+    back_m = slope_mps2 * passed_s**2 / 2
+    if v_mps < 0.0:  # no brake is so strong: then it may turn round
+        turned_s = min(powered_s, -v_mps / (LAG * brake + slope_mps2))
+        powered_s, passed_s, v_mps = powered_s - turned_s, passed_s - turned_s, 0.0
+    top_mps = max(v_mps, robot.max_speed_mps)
+    speeds_s = min(powered_s, (top_mps - v_mps) / accel)
+    end_mps = v_mps + accel * speeds_s
+    way_m = (v_mps + end_mps) / 2 * speeds_s + end_mps * (powered_s - speeds_s)
+    left_s, slows = passed_s - powered_s, brake - slope_mps2
+    rolls_s = min(left_s, end_mps / slows) if slows > 0.0 else left_s
+    way_m += end_mps * rolls_s - slows * rolls_s**2 / 2
+    return max(back_m, way_m + slope_mps2 * powered_s**2 / 2 + slope_mps2 * powered_s * left_s)
+
+
+def maybe_shift(
+    gap: Gap, attitudes: AttitudeRing, yaw_start_rad: float, robot: Robot
+) -> Shift | None:
+    """The strip of a gap; None where nobody knows, or where it is too long to be of use.
+
+    Args:
+        yaw_start_rad: of the body in the earth frame where the map's x axis points.
+    """
+    passed_s = gap.to_s - gap.from_s
+    if not (passed_s >= RESTART_S and attitudes.covers(gap.from_s, gap.to_s)):
+        return None
+    count = math.ceil(passed_s / LOOK_S) + 1
+    looks = np.array([attitudes.rpy_at(t) for t in np.linspace(gap.from_s, gap.to_s, count)])
+    tilts_rad, yaws_rad = looks[:, :2], np.unwrap(looks[:, 2]) - yaw_start_rad
+    turn_rad = float(np.ptp(yaws_rad)) / 2 + ASIDE_RAD
+    if np.ptp(tilts_rad, axis=0).max() > LIFTED_RAD or turn_rad >= math.pi / 2:
+        return None
+    tilt_rad = float(np.linalg.norm(tilts_rad, axis=1).max()) + TILT_RAD
+    slope_mps2, spare_m = GRAVITY_MPS2 * math.sin(tilt_rad), SLACK_M + gap.owed_m
+    most_m = rolled_m(gap.v_mps, passed_s, robot, slope_mps2) + spare_m
+    least_m = -rolled_m(-gap.v_mps, passed_s, robot, slope_mps2) - spare_m
+    if most_m - least_m > MOST_M:
+        return None
+    aside_m = (most_m - least_m) * math.sin(turn_rad) + spare_m
+    yaw_rad = (float(yaws_rad.min()) + float(yaws_rad.max())) / 2
+    return Shift((math.cos(yaw_rad), math.sin(yaw_rad)), least_m, most_m, aside_m)

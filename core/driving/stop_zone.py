@@ -5,7 +5,7 @@ it takes to stop; each cell counts with all of its square. Around the footprint 
 the way ends where the margin meets a cell. Where a cell lies within the margin already, the robot
 can leave and go past, but not near: such a cell stops a motion that would bring the footprint
 itself to it, other cells one that would bring them nearer than the nearest is now, and a cell under
-the footprint one that goes deeper. Ground that the window does not cover is unknown.
+the footprint one that goes deeper, now or on its way. Ground outside the window is unknown.
 Source: design, sections 7 and 8.
 """
 
@@ -219,44 +219,51 @@ def _free_path(
     rect: Rect,
     motion: Motion,
     span: tuple[float, float],
-    limits: tuple[float, float, float],
-    before: float,
+    rate: float,
+    limit: tuple[float, float],
     best: float,
 ) -> float:
     """How far the robot gets before a cell that is in the way at the end of a span; inf: it is not.
 
-    then: the place at that end, its heading. limits: metres per second, margin, and what is to be
-    kept free of new cells. before: the cell's gap at the start. best: inf also where it leaves no
-    less.
+    then: the place at that end, its heading. rate: metres per second. limit: that of the cell
+    (`_limits`). best: inf also where it leaves no less.
     """
-    rate, margin, kept = limits
-    gap = gap_along(cx, cy, half, then[0], then[1], rect)
-    if gap >= margin - TOUCH_M:
+    least, taken = limit
+    if rate * span[0] - taken >= best:
         return math.inf
-    if before >= margin - TOUCH_M:  # new
-        if gap >= kept - TOUCH_M or rate * span[0] >= best:
-            return math.inf
-        return rate * _first(cx, cy, half, place, rect, motion, span, kept)
-    if gap >= -TOUCH_M or rate * span[0] - margin >= best:
+    if gap_along(cx, cy, half, then[0], then[1], rect) >= least - TOUCH_M:
         return math.inf
-    return rate * _first(cx, cy, half, place, rect, motion, span, 0.0) - margin
+    return rate * _first(cx, cy, half, place, rect, motion, span, least) - taken
 
 
 @allocating_kernel
-def _gaps(near: I32, cell_m: float, place: Place, rect: Rect, motion: Motion) -> F64:
-    """Gaps (n,) of listed cells at the start; -inf of those under the footprint that end no motion.
+def _limits(
+    near: I32,
+    cell_m: float,
+    place: Place,
+    rect: Rect,
+    motion: Motion,
+    margin: float,
+    kept: float,
+) -> F64:
+    """(n, 2) of listed cells: below which gap one ends the motion, and metres that it takes off.
 
-    Nobody knew of them, or they are on their way out.
+    kept: what is to be kept free of new cells. A gap of -inf: it ends none, for it is unknown
+    ground under the footprint. An obstacle under it that is on its way out may still get deeper
+    later, as one does that lies off a corner.
     """
-    gaps, heading = np.empty(near.shape[0]), heading_of(place)
-    for n in range(gaps.size):
+    limits, heading = np.empty((near.shape[0], 2)), heading_of(place)
+    for n in range(near.shape[0]):
         cx, cy = (near[n, 0] + 0.5) * cell_m, (near[n, 1] + 0.5) * cell_m
-        gaps[n] = gap_along(cx, cy, cell_m / 2, place, heading, rect)
-        if gaps[n] < -TOUCH_M and (
-            near[n, 2] == UNKNOWN or leaves(cx, cy, place, rect, motion[0], motion[1])
-        ):
-            gaps[n] = -math.inf
-    return gaps
+        gap = gap_along(cx, cy, cell_m / 2, place, heading, rect)
+        limits[n, 0], limits[n, 1] = 0.0, margin
+        if gap >= margin - TOUCH_M:
+            limits[n, 0], limits[n, 1] = kept, 0.0
+        elif gap < -TOUCH_M and near[n, 2] == UNKNOWN:
+            limits[n, 0] = -math.inf
+        elif gap < -TOUCH_M and leaves(cx, cy, place, rect, motion[0], motion[1]):
+            limits[n, 0] = -SLACK_M if gap > -SLACK_M else gap - SLACK_M
+    return limits
 
 
 @allocating_kernel
@@ -276,12 +283,12 @@ def _sweep(
     listed once for some steps.
     """
     length, rate, margin = way
-    limits = rate, margin, clearance(cells, window, cell_m, place, rect, margin, clear)
+    kept = clearance(cells, window, cell_m, place, rect, margin, clear)
     half, step = cell_m / 2, STEP_CELLS * cell_m
     stride = max(1, math.floor(STRIDE_M / step))
     half_s = (stride - 1) / 2 * step / rate  # from the middle of a stride to its ends
     within = margin + drift_m(rect, margin, motion, half_s)
-    near, before = np.empty((0, 3), np.int32), np.empty(0)
+    near, limits = np.empty((0, 3), np.int32), np.empty((0, 2))
     best, best_i, best_j, best_state = math.inf, 0, 0, FREE
     k = 0
     while k * step <= length + step + margin and max(0.0, (k - 1) * step - margin) < best:
@@ -289,16 +296,15 @@ def _sweep(
         if k % stride == 0:
             middle = _at(place, motion[0], motion[1], span[1] + half_s)
             near = cells_near(cells, window, cell_m, middle, rect, within, clear)
-            before = _gaps(near, cell_m, place, rect, motion)
+            limits = _limits(near, cell_m, place, rect, motion, margin, kept)
         at = _at(place, motion[0], motion[1], span[1])
         then = at, heading_of(at)
-        for n in range(before.size):
-            if before[n] == -math.inf:
-                continue
+        for n in range(limits.shape[0]):
+            limit = limits[n, 0], limits[n, 1]
             i, j = near[n, 0], near[n, 1]
             cx, cy = (i + 0.5) * cell_m, (j + 0.5) * cell_m
             free = max(0.0, _free_path(
-                cx, cy, half, place, then, rect, motion, span, limits, before[n], best
+                cx, cy, half, place, then, rect, motion, span, rate, limit, best
             ))  # fmt: skip
             if free < best:
                 best, best_i, best_j, best_state = free, i, j, near[n, 2]

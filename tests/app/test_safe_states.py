@@ -18,8 +18,8 @@ from fakes.scenes.scene import Solid
 from tests import ROOT
 from tests.app.test_drive import FRONT_M, Commander, driving
 from tests.support.cases import few
-from tests.support.closed_loop import compare
-from tests.support.shipped import FLOOR
+from tests.support.robot.closed_loop import compare
+from tests.support.robot.shipped import FLOOR
 
 ROOMS = "core", "hw", "recording"
 STEP_S = 0.005  # of the loop here

@@ -5,8 +5,9 @@
 The robot is driven about a hall at random, minute by minute with other faults of its devices. When
 these are over, all inputs must be well again within a time, the receiver's map must be the app's to
 the cell, its numbers must add up, and the device clocks must stand where they stood. Memory must
-not grow. Nothing is judged of where the robot goes: campaigns do that. One that is stuck is carried
-back to where it began, and its controller is switched off and on, as a person would do it.
+not grow. Nothing is judged of where the robot goes: campaigns do that. One that is stuck, or has
+tipped over, is carried back to where it began and turned there, and its controller is switched off
+and on, as a person would do it.
 """
 
 import argparse
@@ -35,6 +36,7 @@ FAULTS = 2  # of a leg
 RECOVERS_S = 60.0  # at most, after a leg
 LOOKED_S = 2.0  # at the clocks, once all is well
 FREED_EVERY_S = 5.0  # a stalled robot, at most
+BY_HAND_RADPS, BY_HAND_S = 1.0, 2.0  # more than a radian: the app must see that its gyro turns
 STUCK_LEGS, STUCK_M = 3, 1.0  # a robot that has driven less in so many legs is stuck
 WELL = 0x7F  # health bits 0 to 6
 CODE = np.array([0, 2, 1], np.uint8)  # of the app's states 0, 1, -1 on the link
@@ -81,8 +83,14 @@ class WatchedWorld(World):
         self._home = self._data.qpos[:3].copy()
 
     def carry_home(self) -> None:
-        """A person puts the robot down where it began, with the heading that it has."""
+        """A person puts the robot down where it began, upright and with the heading that it has."""
+        yaw = self.pose()[2]
         self._data.qpos[:3], self._data.qvel[:] = self._home, 0.0
+        self._data.qpos[3:7] = math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)
+
+    def turn_by_hand(self) -> None:
+        """The person turns it, for as long as this is called at each tick."""
+        self._data.qvel[5] = BY_HAND_RADPS
 
     def ranges_m(self, times_s: F64, bearings_rad: F64) -> F64:
         self.swept_s.append(float(times_s[0]))
@@ -171,6 +179,9 @@ class Soak:
         self._place = self.world.pose()[:2]
         self.loop.rig.drive.reset(self.loop.now_s)
         self.carried += 1
+        for _ in range(round(BY_HAND_S * self.loop.config.loop.rate_hz)):
+            self.world.turn_by_hand()
+            self._run(1.0 / self.loop.config.loop.rate_hz)
         self._recover(self.loop.now_s + RECOVERS_S)
 
     def _leg(self, number: int) -> LegResult:

@@ -279,11 +279,14 @@ def slow_way_m(
             return gap_to(cx, cy, cell_m / 2, after(place, motion, s / rate), rect)
 
         now = gap(0.0)
-        if now < 0.0:
-            if state == OBSTACLE and not leaves(cx, cy, place, rect, *motion):
-                best = 0.0
-            continue
         limit, less = (kept, 0.0) if now >= MARGIN_M else (0.0, MARGIN_M)
+        if now < 0.0 and state == UNKNOWN:
+            continue
+        if now < 0.0 and leaves(cx, cy, place, rect, *motion):
+            limit = now - SLACK_M if now <= -SLACK_M else -SLACK_M
+        elif now < 0.0:
+            best = 0.0
+            continue
         for k in range(1, math.floor((length_m + step_m + MARGIN_M) / step_m) + 1):
             if gap(k * step_m) < limit:
                 low, high = (k - 1) * step_m, k * step_m
@@ -459,6 +462,15 @@ def test_from_what_is_too_near_already_the_robot_may_only_go_away(
     found = look(entering, mark, from_mps=0.0)
     assert zone().allowed_mps(found.free_m) == 0.0
     assert found.free_m < 0.05
+
+
+def test_what_a_corner_pokes_into_ends_what_goes_deeper_though_it_seems_to_leave() -> None:
+    mark, place = (0.5, 0.3, OBSTACLE), (1.1506, 0.1851, 2.393)  # its middle is off the corner
+    assert -SLACK_M < gap_to(0.5, 0.3, CELL_M / 2, place, RECT) < -0.01
+    assert leaves(0.5, 0.3, place, RECT, 0.5, -0.3)
+    into = look((0.5, -0.3), mark, place=place, from_mps=0.0)
+    assert zone().allowed_mps(into.free_m) == 0.0
+    assert look((-0.5, -0.3), mark, place=place, from_mps=0.0) == NOTHING
 
 
 def test_past_a_wall_within_the_margin_it_may_go_along() -> None:

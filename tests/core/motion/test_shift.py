@@ -10,7 +10,7 @@ from core.motion.attitude import AttitudeRing
 from core.motion.shift import LAG, LIFTED_RAD, RESTART_S, Gap, Shift, maybe_shift
 from tests.core.motion.test_attitude import attitude
 from tests.support.cases import examples
-from tests.support.shipped import shipped
+from tests.support.robot.shipped import shipped
 
 ROBOT = shipped().robot
 STEP_S, GRAVITY_MPS2 = 0.01, 9.81

@@ -170,9 +170,12 @@ class DriveControl:
         self._ramp(wanted, passed_s)
         motion = (self.v_mps, self.w_radps)
         rate_mps, measured_mps = self.zone.rate_mps(*motion), self.zone.rate_mps(*moves)
-        if measured_mps > FASTER * rate_mps + FASTER_MPS:
-            rate_mps = measured_mps
+        is_faster = measured_mps > FASTER * rate_mps + FASTER_MPS
+        rate_mps = measured_mps if is_faster else rate_mps
         found = self.look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), assumed_clear)
+        if is_faster:  # it still rolls, maybe on another arc
+            rolls_to = self.look(pose, moves, 0.0, assumed_clear)
+            found = min(found, rolls_to, key=lambda one: one.free_m)
         allowed_mps = self.zone.allowed_mps(found.free_m)
         if rate_mps >= STANDING_MPS and allowed_mps <= (SET_OUT_MPS if stands else 0.0):
             return self._stand_before(found)

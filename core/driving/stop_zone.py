@@ -245,25 +245,25 @@ def _limits(
     motion: Motion,
     margin: float,
     kept: float,
-) -> F64:
-    """(n, 2) of listed cells: below which gap one ends the motion, and metres that it takes off.
+) -> tuple[F64, F64]:
+    """Of listed cells (n,): below which gap one ends the motion, and metres that it takes off.
 
     kept: what is to be kept free of new cells. A gap of -inf: it ends none, for it is unknown
     ground under the footprint. An obstacle under it that is on its way out may still get deeper
     later, as one does that lies off a corner.
     """
-    limits, heading = np.empty((near.shape[0], 2)), heading_of(place)
+    least, taken, heading = np.zeros(near.shape[0]), np.empty(near.shape[0]), heading_of(place)
     for n in range(near.shape[0]):
         cx, cy = (near[n, 0] + 0.5) * cell_m, (near[n, 1] + 0.5) * cell_m
         gap = gap_along(cx, cy, cell_m / 2, place, heading, rect)
-        limits[n, 0], limits[n, 1] = 0.0, margin
+        taken[n] = margin
         if gap >= margin - TOUCH_M:
-            limits[n, 0], limits[n, 1] = kept, 0.0
+            least[n], taken[n] = kept, 0.0
         elif gap < -TOUCH_M and near[n, 2] == UNKNOWN:
-            limits[n, 0] = -math.inf
+            least[n] = -math.inf
         elif gap < -TOUCH_M and leaves(cx, cy, place, rect, motion[0], motion[1]):
-            limits[n, 0] = -SLACK_M if gap > -SLACK_M else gap - SLACK_M
-    return limits
+            least[n] = -SLACK_M if gap > -SLACK_M else gap - SLACK_M
+    return least, taken
 
 
 @allocating_kernel
@@ -288,7 +288,7 @@ def _sweep(
     stride = max(1, math.floor(STRIDE_M / step))
     half_s = (stride - 1) / 2 * step / rate  # from the middle of a stride to its ends
     within = margin + drift_m(rect, margin, motion, half_s)
-    near, limits = np.empty((0, 3), np.int32), np.empty((0, 2))
+    near, least, taken = np.empty((0, 3), np.int32), np.empty(0), np.empty(0)
     best, best_i, best_j, best_state = math.inf, 0, 0, FREE
     k = 0
     while k * step <= length + step + margin and max(0.0, (k - 1) * step - margin) < best:
@@ -296,11 +296,11 @@ def _sweep(
         if k % stride == 0:
             middle = _at(place, motion[0], motion[1], span[1] + half_s)
             near = cells_near(cells, window, cell_m, middle, rect, within, clear)
-            limits = _limits(near, cell_m, place, rect, motion, margin, kept)
+            least, taken = _limits(near, cell_m, place, rect, motion, margin, kept)
         at = _at(place, motion[0], motion[1], span[1])
         then = at, heading_of(at)
-        for n in range(limits.shape[0]):
-            limit = limits[n, 0], limits[n, 1]
+        for n in range(least.size):
+            limit = least[n], taken[n]
             i, j = near[n, 0], near[n, 1]
             cx, cy = (i + 0.5) * cell_m, (j + 0.5) * cell_m
             free = max(0.0, _free_path(

@@ -130,19 +130,17 @@ EQUIVALENT: dict[str, str] = {
     "-TOUCH_M <= gap <= least - SLACK_M": FLOATS,
     f"{STOP_ZONE} _first: ..alf, _at(place, motion[0], motion[1], middle), rect) < least -> "
     "..lf, _at(place, motion[0], motion[1], middle), rect) <= least": FLOATS,
-    f"{STOP_ZONE} _free_path: gap >= margin - TOUCH_M -> gap > margin - TOUCH_M": LATER,
-    f"{STOP_ZONE} _free_path: margin - TOUCH_M -> margin + TOUCH_M": LATER,
-    f"{STOP_ZONE} _free_path: before >= margin - TOUCH_M -> before > margin - TOUCH_M": FLOATS,
     f"{STOP_ZONE} Obstruction: True -> False": NEVER_SET,
-    f"{STOP_ZONE} _free_path: gap >= kept - TOUCH_M -> gap > kept - TOUCH_M": FLOATS,
-    f"{STOP_ZONE} _free_path: kept - TOUCH_M -> kept + TOUCH_M": FLOATS,
-    f"{STOP_ZONE} _free_path: gap >= -TOUCH_M -> gap > -TOUCH_M": FLOATS,
     f"{STOP_ZONE} is_in_way: max(abs(x), abs(y)) -> min(abs(x), abs(y))": LATER,
     f"{STOP_ZONE} cells_near: gap < within -> gap <= within": FLOATS,
-    f"{STOP_ZONE} _free_path: rate * span[0] >= best -> rate * span[0] > best": LONGER,
-    f"{STOP_ZONE} _free_path: rate * span[0] - margin >= best -> "
-    "rate * span[0] - margin > best": LONGER,
-    f"{STOP_ZONE} _gaps: gaps[n] < -TOUCH_M -> gaps[n] <= -TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _free_path: rate * span[0] - taken >= best -> "
+    "rate * span[0] - taken > best": LONGER,
+    f"{STOP_ZONE} _free_path: ..ong(cx, cy, half, then[0], then[1], rect) >= least - TOUCH_M -> "
+    "..long(cx, cy, half, then[0], then[1], rect) > least - TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _limits: gap >= margin - TOUCH_M -> gap > margin - TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _limits: gap < -TOUCH_M -> gap <= -TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _limits: gap < -TOUCH_M -> gap <= -TOUCH_M (2)": FLOATS,
+    f"{STOP_ZONE} _limits: gap > -SLACK_M -> gap >= -SLACK_M": FLOATS,
     f"{STOP_ZONE} _sweep: max(1, math.floor(STRIDE_M / step)) -> "
     "min(1, math.floor(STRIDE_M / step))": STRIDES,
     f"{STOP_ZONE} _sweep: 1 -> 2": STRIDES,

@@ -329,6 +329,17 @@ def before_wall(robot: Robot, free_m: float) -> Pose:
     return Pose(0.0, x_m, 0.0, 0.0, 0.0, 0.0)
 
 
+def test_a_robot_that_still_rolls_is_not_turned_into_what_it_rolls_to() -> None:
+    robot = Robot()
+    robot.mark(0.65, 0.0, OBSTACLE)
+    turning = DriveRequest(0.0, 0.8, 1e9)
+    robot.step(turning, moves=(0.6, 0.0))
+    assert robot.powers == (0.0, 0.0)
+    assert robot.control.blocked_by == "an obstacle is in the way"
+    robot.step(turning, moves=(-0.6, 0.0))
+    assert robot.powers != (0.0, 0.0)
+
+
 def test_a_robot_a_little_faster_than_told_lags_and_one_that_is_faster_still_is_slowed() -> None:
     robot = Robot(max_accel_mps2=20.0)
     pose = before_wall(robot, 0.36)

@@ -280,11 +280,11 @@ def slow_way_m(
 
         now = gap(0.0)
         limit, less = (kept, 0.0) if now >= MARGIN_M else (0.0, MARGIN_M)
-        if now < 0.0 and state == UNKNOWN:
+        if now < -1e-9 and state == UNKNOWN:
             continue
-        if now < 0.0 and leaves(cx, cy, place, rect, *motion):
+        if now < -1e-9 and leaves(cx, cy, place, rect, *motion):
             limit = now - SLACK_M if now <= -SLACK_M else -SLACK_M
-        elif now < 0.0:
+        elif now < -1e-9:
             best = 0.0
             continue
         for k in range(1, math.floor((length_m + step_m + MARGIN_M) / step_m) + 1):
@@ -327,6 +327,20 @@ FINE_M, FINE_SIZE = 0.05, 165  # so fine that a stride of the sweep has several 
     motion=(0.3, 0.0),
     drawn=(CELL_M, {(-2, 1): 1}),
     from_mps=0.0,
+)
+@example(  # pokes in a little, leaves, and gets deeper as the rear swings out
+    place=(0.05, -0.095, 0.0),
+    rect=RECT,
+    motion=(0.5, -1.0),
+    drawn=(CELL_M, {(0, 1): 1}),
+    from_mps=1.5,
+)
+@example(  # the same where it touches
+    place=(0.05, -0.1, 0.0),
+    rect=RECT,
+    motion=(0.5, -1.0),
+    drawn=(CELL_M, {(0, 1): 1}),
+    from_mps=1.5,
 )
 @example(  # within the margin, and met later than a new one that leaves more way
     place=(-0.0734, 0.0, 0.2),

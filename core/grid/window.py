@@ -31,6 +31,8 @@ def put_state(to: int, state: int, shown: Shown, used: int) -> int:
     """Set one cell, by its flat index, and note it once; returns how many are noted."""
     if state == UNKNOWN:
         state = shown.under[to]
+    else:  # it was looked at anew: what was seen before counts no more, whatever comes then
+        shown.under[to] = UNKNOWN
     if shown.cells[to] != state:
         shown.cells[to] = state
         if shown.marked[to] == 0:

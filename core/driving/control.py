@@ -172,7 +172,7 @@ class DriveControl:
         rate_mps, measured_mps = self.zone.rate_mps(*motion), self.zone.rate_mps(*moves)
         is_faster = measured_mps > FASTER * rate_mps + FASTER_MPS
         rate_mps = measured_mps if is_faster else rate_mps
-        found = self.look(pose, motion, max(rate_mps, self.zone.rate_mps(*wanted)), assumed_clear)
+        found = self.look(pose, motion, self.zone.rate_mps(*wanted), assumed_clear)
         if is_faster:  # it still rolls, maybe on another arc
             rolls_to = self.look(pose, moves, 0.0, assumed_clear)
             found = min(found, rolls_to, key=lambda one: one.free_m)

@@ -329,6 +329,14 @@ def before_wall(robot: Robot, free_m: float) -> Pose:
     return Pose(0.0, x_m, 0.0, 0.0, 0.0, 0.0)
 
 
+def test_the_ground_that_is_vouched_for_shrinks_by_how_badly_its_middle_is_known() -> None:
+    control = Robot(start_clear_m=1.5).control
+    control.off_start_m = 0.5
+    assert control.clear == ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    control.off_start_m = 2.0
+    assert control.clear[True] == (0.0, 0.0, 0.0)
+
+
 def test_a_robot_that_still_rolls_is_not_turned_into_what_it_rolls_to() -> None:
     robot = Robot()
     robot.mark(0.65, 0.0, OBSTACLE)

@@ -96,7 +96,7 @@ def test_what_lies_under_shows_where_nothing_is_known_ages_and_leaves_with_its_c
     window.put(np.array([0, 65], np.int32), np.array([OBSTACLE, UNKNOWN], np.int8))
     assert (window.cells[0, 0], window.cells[5, 5]) == (OBSTACLE, FREE)
     window.put(np.array([0], np.int32), np.array([UNKNOWN], np.int8))
-    assert window.cells[0, 0] == FREE
+    assert window.cells[0, 0] == UNKNOWN  # something stood there since: what was free, was
     kept = window.cells.copy()
     of.fresh.follow(101.5, 1e6, 0.0, (1.0, 0.0))  # 96.0 is older than 5 s
     of.fresh.expire(window)

@@ -31,7 +31,7 @@ STROKE = (
 )
 STROKE_ROUNDS = 2
 PRICES = (  # what a change must win, of what a lane in the open does; rows are tried in turn
-    (0.4, 0.15, 0.07, 0.05),
+    (0.4, 0.15, 0.07),
     (0.3, 0.12, 0.05),
 )
 WORTH = 0.08  # at that price plans are compared

@@ -26,6 +26,7 @@ CORNER = 2.0  # spacings from a contour to the corner of the next one, at most
 LEAST = 0.1  # of what it would win in the open: a contour that wins less is left out
 SLIVER = 0.03  # of the width: what is thinner is no floor that is clean, or that is left
 REST = 0.6  # of a square of the width: more that is left beside what is clean gets lanes
+GRID_M = 1e-6  # on which areas are subtracted
 SHUT_M = 1e-6  # between the ends of a contour
 
 
@@ -54,9 +55,8 @@ def contour_pieces(
     spacing_m, width_m = machine.spacing_m, machine.width_m
     clean = _clean_beside(part, todo, width_m)
     lines = list[F64]()
-    for area in polygons_in(
-        part.difference(grown(clean, spacing_m - width_m / 2 + SLIVER * width_m))
-    ):
+    off_m = spacing_m - width_m / 2 + SLIVER * width_m
+    for area in polygons_in(_without(part, grown(clean, off_m))):
         for line in contours_of(area, spacing_m):
             edges = edges_along(line)
             if raster.area(raster.gain(NONE, edges)) > LEAST * width_m * length_of(line):
@@ -65,7 +65,7 @@ def contour_pieces(
     found = [Piece(_entries(line, spacing_m)) for line in lines]
     if clean.is_empty:
         return found
-    left = shapely.union_all(list(todo)).difference(swept_by(lines, width_m / 2))
+    left = _without(MultiPolygon(list(todo)), swept_by(lines, width_m / 2))
     for area in polygons_in(opened(left, SLIVER * width_m)):
         if area.area > REST * width_m**2 or not lines:
             for strip in polygons_in(part.intersection(grown(area, SLIVER * width_m))):
@@ -73,9 +73,14 @@ def contour_pieces(
     return found
 
 
+def _without(area: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
+    """Of any two areas the difference, on a grid: turned polygons may touch by rounding alone."""
+    return shapely.difference(shapely.make_valid(area), shapely.make_valid(other), grid_size=GRID_M)
+
+
 def _clean_beside(part: Polygon, todo: Sequence[Polygon], width_m: float) -> BaseGeometry:
     """What the tool would sweep from a part of the space though it is clean; slivers left out."""
-    swept = grown(part, width_m / 2).difference(shapely.union_all(list(todo)))
+    swept = _without(grown(part, width_m / 2), MultiPolygon(list(todo)))
     return shapely.buffer(swept, -SLIVER * width_m)
 
 

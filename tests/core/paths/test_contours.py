@@ -33,3 +33,9 @@ def test_a_strip_between_clean_floor_that_has_no_room_for_a_contour_gets_a_lane(
     band = shapely.LineString(piece.variants[0]).buffer(MACHINE.width_m / 2)
     assert todo[0].difference(band).area < 0.01
     assert np.ptp(piece.variants[0][:, 1]) > 2.5
+
+
+def test_parts_that_overlap_or_cross_themselves_by_rounding_are_planned() -> None:
+    bow = shapely.Polygon([(2, 0), (4, 2), (4, 0), (2, 2)])
+    todo = [bow, shapely.box(3, 0, 4, 2), shapely.box(3, 1, 4, 3)]
+    assert contour_pieces(SPACE, todo, MACHINE, Raster(todo, MACHINE.width_m))

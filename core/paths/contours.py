@@ -75,7 +75,8 @@ def contour_pieces(
 
 def _without(area: BaseGeometry, other: BaseGeometry) -> BaseGeometry:
     """Of any two areas the difference, on a grid: turned polygons may touch by rounding alone."""
-    return shapely.difference(shapely.make_valid(area), shapely.make_valid(other), grid_size=GRID_M)
+    a, b = (MultiPolygon(polygons_in(shapely.make_valid(each))) for each in (area, other))
+    return shapely.difference(a, b, grid_size=GRID_M)
 
 
 def _clean_beside(part: Polygon, todo: Sequence[Polygon], width_m: float) -> BaseGeometry:

@@ -123,9 +123,11 @@ class Cleaning:
         guard_m = self.settings.guard_m
         bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in things])
         seen = self.floor.free()
-        beside = self._beside(seen, things)
-        self.floor.explain(beside)
-        return shapely.union_all([seen, *beside]).difference(bars)
+        return shapely.union_all([seen, *self._beside(seen, things)]).difference(bars)
+
+    def explain(self, things: Sequence[Polygon]) -> None:
+        """Keep which floor things hide beside them, for `floor.is_free`."""
+        self.floor.explain(self._beside(self.floor.free(), things))
 
     def _beside(self, seen: BaseGeometry, things: Sequence[Polygon]) -> list[Polygon]:
         """Gaps between seen floor and what is known to stand there: views end before that."""
@@ -156,6 +158,7 @@ class Cleaning:
     def _next(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
         self._things = list(things)
         here = place[0], place[1]
+        self.explain(things)
         try:
             free = self.free(things)
             space = space_at(MultiPolygon(polygons_in(free)), self.settings.machine, here)

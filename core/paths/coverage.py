@@ -1,4 +1,4 @@
-"""Plans a path that sweeps a floor: cells, lanes in them, their order, then small improvements.
+"""Plans a path that sweeps a floor: contours or lanes, their order, then small improvements.
 
 Method and its limits: docs/coverage.md. Nothing here is chance or time: the same floor gives the
 same plan.
@@ -6,12 +6,14 @@ same plan.
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from core.paths.contours import contour_pieces
 from core.paths.measures import band_of
 from core.paths.patches import nearest_in, wall_strokes
 from core.paths.raster import NONE, Raster, edges_along
@@ -29,16 +31,18 @@ STROKE = (
 )
 STROKE_ROUNDS = 2
 PRICES = (  # what a change must win, of what a lane in the open does; rows are tried in turn
-    (0.4, 0.15, 0.07, 0.05),
+    (0.4, 0.15, 0.07),
     (0.3, 0.12, 0.05),
 )
 WORTH = 0.08  # at that price plans are compared
 ENOUGH = 0.996  # of the raster; more is bought at no lower price
-SMALL, MIDDLING = 150, 250  # widths of work: up to that all is tried; both directions are
+SMALL = 150  # squares of the width: up to that all rows are tried
 SPECK = 0.003  # smaller missed areas, of a square of the width, get no detour
 SPREAD_RAD = 0.03  # walls within that are taken to run one way
 SMOOTH = 0.2  # of the width: steps of walls up to that do not count for the lanes' direction
 Point = tuple[float, float]
+Style = Literal["contours", "lanes"]
+_Path = tuple[float, F64, list[bool], float]
 
 
 def plan_coverage(
@@ -72,16 +76,15 @@ def plan_coverage(
     angle = main_angle(free, machine.width_m) if angle_rad is None else angle_rad
     target = grown(space, machine.width_m / 2).intersection(free)
     todo = target if clean is None else target.difference(repaired(clean))
-    works = [_Work(space, todo, rooms, machine, angle)]
-    if angle_rad is None:
-        works.append(_Work(space, todo, rooms, machine, angle + QUARTER))
-        works.sort(key=lambda work: work.work_m)
-    work_m = works[0].work_m / machine.width_m
-    rows = PRICES if is_refined else ((),)
-    tries = [(works[0], row) for row in rows[: 2 if work_m < SMALL else 1]]
-    if work_m < MIDDLING:
-        tries += [(work, rows[0]) for work in works[1:]]
-    paths = [work.path(begin, dock, row) for work, row in tries]
+    is_small = todo.area < SMALL * machine.width_m**2
+    if angle_rad is None and is_refined:
+        work = _Work(space, todo, rooms, machine, angle, "contours")
+        paths = [work.path(begin, dock, row) for row in PRICES[: 2 if is_small else 1]]
+    else:
+        angles = [angle, angle + QUARTER] if angle_rad is None else [angle]
+        works = [_Work(space, todo, rooms, machine, each, "lanes") for each in angles]
+        least = min(works, key=lambda work: work.work_m)
+        paths = [least.path(begin, dock, PRICES[0] if is_refined else ())]
     best = max(paths, key=lambda path: path[0])
     return _plan(free, space, target, todo, *best[1:], machine)
 
@@ -134,8 +137,9 @@ class _Work:
         rooms: Sequence[BaseGeometry],
         machine: Machine,
         angle_rad: float,
+        style: Style,
     ) -> None:
-        self._angle_rad = angle_rad
+        self._angle_rad, self._style = angle_rad, style
         turn_rad = -angle_rad
         self._machine = machine
         self._space = turned(space, turn_rad)
@@ -158,6 +162,9 @@ class _Work:
         for region in self._regions:
             groups.append([])
             for part in region if self._todo else []:
+                if self._style == "contours":
+                    groups[-1] += contour_pieces(part, self._todo, self._machine, raster)
+                    continue
                 sweeper = Sweeper(part, self._machine.spacing_m)
                 found, metres = sweeper.best_pieces(raster)
                 groups[-1] += found
@@ -179,9 +186,7 @@ class _Work:
         far = [min((p.distance(here) for p in r), default=math.inf) for r in self._regions]
         return int(np.argmin(far))
 
-    def path(
-        self, begin: Point | None, dock: Point | None, prices: Sequence[float]
-    ) -> tuple[float, F64, list[bool], float]:
+    def path(self, begin: Point | None, dock: Point | None, prices: Sequence[float]) -> _Path:
         """What it is worth in m2; (n, 2) corners; whether each edge sweeps; the lanes' angle."""
         start, end = (None if p is None else self._inside(p) for p in (begin, dock))
         graph, lines = self._tour(start, end)

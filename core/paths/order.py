@@ -7,15 +7,23 @@ Source: Croes, A method for solving travelling-salesman problems, 1958 (2-opt); 
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
+import numpy.typing as npt
 
 from core.records import F64
 
+I64 = npt.NDArray[np.int64]
 Stop = tuple[int, int]  # piece, variant
-Lengths = list[list[float]]
 KICKS, SEED = 10, 1
 LEAST_M = 1e-6
+
+
+def _columns(variants: Sequence[tuple[int, int, float]]) -> tuple[I64, I64, F64]:
+    """Entries, exits and lengths of a piece's variants, (n,) each."""
+    entries, exits, metres = zip(*variants, strict=True)
+    return np.array(entries), np.array(exits), np.array(metres)
 
 
 class Tour:
@@ -36,7 +44,9 @@ class Tour:
         end: int | None,
     ) -> None:
         self.variants = variants
-        self._between: Lengths = between.tolist()
+        self._far = between
+        self._between: list[list[float]] = between.tolist()  # the same, for one at a time
+        self._ends = [_columns(each) for each in variants]
         self._start, self._end = start, end
 
     def _hop(self, a: Stop | None, b: Stop | None) -> float:
@@ -74,26 +84,32 @@ class Tour:
 
     def _choose_variants(self, stops: list[Stop]) -> list[Stop]:
         """The best variant of each piece for this order, exactly: the shortest path by layers."""
-        costs: list[list[tuple[float, int]]] = []
-        for k, (p, _) in enumerate(stops):
-            layer = []
-            for v, variant in enumerate(self.variants[p]):
-                if k == 0:
-                    best, via = self._hop(None, (p, v)), -1
-                else:
-                    q = stops[k - 1][0]
-                    best, via = min(
-                        (cost[0] + self._hop((q, u), (p, v)), u) for u, cost in enumerate(costs[-1])
-                    )
-                layer.append((best + variant[2], via))
-            costs.append(layer)
+        via: list[npt.NDArray[np.intp]] = []
+        costs = self._ways_to(None, stops[0][0])[0]
+        for (a, _), (b, _) in pairwise(stops):
+            through = costs[:, None] + self._ways_to(a, b)
+            via.append(through.argmin(axis=0))
+            costs = through.min(axis=0)
         last = stops[-1][0]
-        v = min(range(len(costs[-1])), key=lambda u: costs[-1][u][0] + self._hop((last, u), None))
-        chosen: list[Stop] = []
-        for k in reversed(range(len(stops))):
+        v = int((costs + self._ways_home(last)).argmin())
+        chosen: list[Stop] = [(last, v)]
+        for k in reversed(range(len(via))):
+            v = int(via[k][v])
             chosen.append((stops[k][0], v))
-            v = costs[k][v][1]
         return chosen[::-1]
+
+    def _ways_to(self, a: int | None, b: int) -> F64:
+        """(n, m) metres from each exit of a piece to each entry of another, and through that."""
+        entries, _, through = self._ends[b]
+        if a is None:
+            hop = np.zeros(len(entries)) if self._start is None else self._far[self._start, entries]
+            return (hop + through)[None]
+        return np.asarray(self._far[np.ix_(self._ends[a][1], entries)] + through)
+
+    def _ways_home(self, piece: int) -> F64:
+        """(n,) metres from each exit of a piece to where the tour ends."""
+        exits = self._ends[piece][1]
+        return np.zeros(len(exits)) if self._end is None else self._far[exits, self._end]
 
     def _reverse_stretches(self, stops: list[Stop]) -> bool:
         """2-opt. Whether something was gained; `stops` is changed."""

@@ -56,5 +56,10 @@ def narrowed(free: BaseGeometry, by_m: float) -> MultiPolygon:
     return MultiPolygon(polygons_in(shapely.make_valid(shapely.simplify(inside, SMOOTH_M))))
 
 
+def opened(geometry: BaseGeometry, by_m: float) -> BaseGeometry:
+    """Without what is thinner than twice that."""
+    return shapely.buffer(shapely.buffer(geometry, -by_m), by_m)
+
+
 def largest(polygons: list[Polygon]) -> Polygon:
     return max(polygons, key=lambda polygon: polygon.area)

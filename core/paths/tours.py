@@ -1,5 +1,6 @@
 """Pieces of a sweep to one path: their order, and the shortest ways from each to the next."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,6 +17,7 @@ from core.records import F64
 
 COARSE_M = 0.004  # ways between pieces bend at corners that are so far off, which are fewer
 JOINED, NEAREST = 12, 40  # nodes and other ends that an end of a piece is joined to
+SHUT_M = 1e-5  # ends of a piece that are nearer are one place
 DETOUR = 1.3  # of a way whose length is not known
 
 
@@ -62,9 +64,11 @@ def ordered(
         for piece in group:
             variants = []
             for way in piece.variants:
-                a, b, metres = len(points), len(points) + 1, length_of(way)
+                is_closed = math.dist(way[0], way[-1]) < SHUT_M
+                a, metres = len(points), length_of(way)
+                b = a if is_closed else a + 1
                 variants += [(a, b, metres), (b, a, metres)]
-                points += [way[0], way[-1]]
+                points += [way[0]] if is_closed else [way[0], way[-1]]
             stops[-1].append(variants)
     between = lengths_between(graph, np.array(points))
     here = None if start is None else 0

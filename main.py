@@ -135,6 +135,15 @@ def maybe_beside(is_needed: bool) -> "Beside[Any] | None":
     return Beside()
 
 
+def go_on_from(loaded: Arrays, app: App, recorder: Recorder | None) -> None:
+    """Take over a map of the ground."""
+    loaded_s = time.monotonic()
+    restore(app.mapper, loaded, app.config, loaded_s)
+    if recorder:
+        recorder.restored(loaded_s)
+    LOG.info("map_loaded", moving_when_saved=was_moving(loaded))
+
+
 def maybe_objects(app: App, frames: "Beside[Any] | None", kept: Kept) -> ObjectsSaver | None:
     """Who looks at frames goes on from a loaded map; gives what saves it at the end."""
     if app.perception is None or app.perception.look is None or frames is None:
@@ -170,11 +179,7 @@ def serve(
     )  # fmt: skip
     stepped = recorder.begin(app, key is not None, kept.map) if recorder else app
     if kept.map is not None:
-        loaded_s = time.monotonic()
-        restore(app.mapper, kept.map, config, loaded_s)
-        if recorder:
-            recorder.restored(loaded_s)
-        LOG.info("map_loaded", moving_when_saved=was_moving(kept.map))
+        go_on_from(kept.map, app, recorder)
     objects_saver = maybe_objects(app, frames, kept)
     saver = MapSaver(app, kept.save_map) if kept.save_map else None
     is_over = wanted.over(saver, recorder)

@@ -148,11 +148,15 @@ EQUIVALENT: dict[str, str] = {
     f"{STOP_ZONE} _sweep: STRIDE_M / step -> STRIDE_M * step": STRIDES,
     f"{STOP_ZONE} _sweep: (stride - 1) / 2 -> (stride - 1) * 2": WIDER,
     f"{STOP_ZONE} _sweep: stride - 1 -> stride + 1": WIDER,
+    f"{CONTROL}step: 0.0 -> 1.0 (2)": "what is beyond the way to a stop lets it go as it goes",
+    "core/grid/window.py ObstacleWindow.__init__: -np.inf -> +np.inf": "it is read only of cells "
+    "under which something lies",
     f"{STOP_ZONE} _sweep: 0 -> 1": UNREAD,
     f"{STOP_ZONE} _sweep: 0 -> 1 (2)": UNREAD,
     f"{STOP_ZONE} _sweep: 0 -> 1 (3)": UNREAD,
     f"{STOP_ZONE} _sweep: 3 -> 4": UNREAD,
     f"{STOP_ZONE} _sweep: 0 -> 1 (4)": UNREAD,
+    f"{STOP_ZONE} _sweep: 0 -> 1 (5)": UNREAD,
     f"{STOP_ZONE} _sweep: k * step <= length + step + margin -> "
     "k * step < length + step + margin": FLOATS,
     f"{STOP_ZONE} _sweep: max(0.0, (k - 1) * step - margin) < best -> "

@@ -10,8 +10,14 @@ TESTS_OF = {
     "core/mapping/along.py": ("tests/core/mapping/test_along.py",),
     "core/mapping/certainty/decision.py": ("tests/core/mapping/certainty/test_cells.py",),
     "core/mapping/surface/decision.py": (f"{SURFACE}decision.py", f"{SURFACE}soft.py"),
-    "core/mapping/freshness.py": ("tests/core/mapping/test_freshness.py",),
-    "core/grid/window.py": ("tests/core/grid/test_window.py",),
+    "core/mapping/freshness.py": (
+        "tests/core/mapping/test_freshness.py",
+        "tests/core/mapping/test_carried.py",
+    ),
+    "core/grid/window.py": (
+        "tests/core/grid/test_window.py",
+        "tests/core/mapping/test_carried.py",
+    ),
     "core/driving/control.py": (f"{DRIVING}control.py",),
     "core/driving/corridor.py": (f"{DRIVING}zone.py",),
     "core/driving/health.py": (f"{DRIVING}health.py",),

@@ -57,6 +57,7 @@ _SCANNER = (
 STRIPE: tuple[Fault, ...] = tuple(replace(fault, robot=ROBOT) for fault in _SCANNER)
 NO_FAULTS_STRIPE = {
     "scanner.gone": "it is unplugged: of sockets that are dialled again (tests/app/test_stripe.py)",
+    "scanner.repeated": "how many images are drawn: for more a second than a machine draws",
     "scanner.focal_px": "its lens: which one it is",
     "scanner.centre_px": "its lens: which one it is",
     "scanner.distortion": "its lens: which one it is",

@@ -40,7 +40,7 @@ FLYING_DEG = 12.0  # of a lens with so few pixels: at 3 degrees what flies less 
 LEAST_CONFIDENCE = 6554  # as the settings of the app have it
 FRAME_TICKS = 5  # 4 frames a second
 LIMITS = Limits(speed_mps=0.8, accel_mps2=0.6, turn_radps=1.2, turn_accel_radps2=2.5)
-MACHINE = Machine(radius_m=0.35, clearance_m=0.045, width_m=0.6, overlap_m=0.02)
+MACHINE = Machine(radius_m=0.35, clearance_m=0.035, width_m=0.6, overlap_m=0.02)
 REACH_CLEAR_M = 0.08  # from all that stands there: with less room for the machine it is no floor
 SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.025, size_m=90.0, seen_frames=3, start_clear_m=1.4, guard_m=0.03,

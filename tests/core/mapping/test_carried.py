@@ -82,6 +82,12 @@ def test_without_a_shift_a_map_stays_as_it_is() -> None:
     assert (seen_s == 1.0).all()
 
 
+def expire(of: Map) -> None:
+    """All rows: it goes over some at a time."""
+    for _ in range(SIZE):
+        of.fresh.expire(of.window)
+
+
 def test_what_lies_under_shows_where_nothing_is_known_ages_and_leaves_with_its_cell() -> None:
     cells = np.full((SIZE, SIZE), FREE, np.int8)
     cells[3, 3] = OBSTACLE
@@ -98,12 +104,19 @@ def test_what_lies_under_shows_where_nothing_is_known_ages_and_leaves_with_its_c
     window.put(np.array([0], np.int32), np.array([UNKNOWN], np.int8))
     assert window.cells[0, 0] == UNKNOWN  # something stood there since: what was free, was
     kept = window.cells.copy()
+    under = window.under.copy()
+    of.fresh.follow(101.0, 1e6, 0.0, (1.0, 0.0))  # 96.0 is 5 s ago
+    expire(of)
+    np.testing.assert_array_equal(window.under, under)
     of.fresh.follow(101.5, 1e6, 0.0, (1.0, 0.0))  # 96.0 is older than 5 s
-    of.fresh.expire(window)
+    expire(of)
     assert (window.cells[:, 6:] == kept[:, 6:]).all()
     assert (window.cells[:, :6] != FREE).all()
+    assert (window.under[:, :6] != FREE).all()
+    np.testing.assert_array_equal(window.under[:, 6:], under[:, 6:])
+    assert window.under[3, 3] == OBSTACLE
     of.fresh.follow(103.5, 1e6, 0.0, (1.0, 0.0))
-    of.fresh.expire(window)
+    expire(of)
     assert [(int(j), int(i)) for j, i in np.argwhere(window.cells == FREE)] == [(6, 6)]
     assert window.cells[3, 3] == OBSTACLE
     window.follow(100.0, 0.0)

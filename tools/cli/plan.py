@@ -103,8 +103,9 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     add("--walls", type=Path, metavar="FILE", help="its walls as GeoJSON, and nothing is planned")
     options = parser.parse_args(given)
     options.is_drawing = options.file.suffix.lower() == ".dxf"
-    if (options.unit or options.layers or options.walls) and not options.is_drawing:
-        parser.error("--unit, --layers, --walls: only with a DXF drawing, FILE.dxf")
+    of_drawings = options.unit, options.layers, options.walls, any(options.origin)
+    if any(of_drawings) and not options.is_drawing:
+        parser.error("--unit, --layers, --origin, --walls: only with a DXF drawing, FILE.dxf")
     if (options.start_at is None) != (options.goal is None):
         parser.error("--from and --to: say both or none")
     if options.free_ends and (options.start or options.dock):
@@ -213,13 +214,9 @@ def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> in
 def walls_of(options: argparse.Namespace) -> "list[LineString]":
     """Of a DXF drawing. Raises PlanFileError, OSError."""
     from tools.floorplans import dxf
-    from tools.floorplans.records import PlanFileError
 
-    try:
-        reading = dxf.Reading(options.unit, options.layers, options.origin)
-        return dxf.walls_from_dxf(options.file, reading)
-    except PlanFileError as error:
-        raise PlanFileError(f"{options.file}: {error}") from None
+    reading = dxf.Reading(options.unit, options.layers, options.origin)
+    return dxf.walls_from_dxf(options.file, reading)
 
 
 def write_walls(options: argparse.Namespace) -> int:
@@ -264,5 +261,6 @@ def main(given: list[str] | None = None) -> int:
             return go(options, plan, machine)
         cover(options, plan, machine)
     except (FloorError, PlanFileError, ValueError, OSError) as error:
-        return fail("plan", error)
+        is_named = not (options.is_drawing and isinstance(error, PlanFileError))
+        return fail("plan", error if is_named else f"{options.file}: {error}")
     return 0

@@ -14,7 +14,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from tools.cli.options import ROBOTS, configured
+from tools.cli.options import ROBOTS, configured, number_in
 from tools.rig.latency import Bench, folder_in_memory, quantiles
 from tools.settings import lens_of, wheels_of
 from tools.terminal.processes import RunError, Stop, say
@@ -77,7 +77,8 @@ def table_of(rows: Sequence[Lateness]) -> Table:
 
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tools.rig.lateness", description=__doc__)
-    parser.add_argument("--seconds", type=float, default=20.0, help="for each measurement (20)")
+    seconds = "for each measurement (20)"
+    parser.add_argument("--seconds", type=number_in(3, 3600), default=20.0, help=seconds)
     options, rows = parser.parse_args(), list[Lateness]()
     with Stop().on_signals() as stop:
         for rate_hz in RATES_HZ:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from core.objects.vector_map.geojson import map_from_floor_plan
 from tests import Capsys, Patch
-from tools.cli.plan import main
+from tools.cli.plan import UNITS, main
 from tools.floorplans import dxf
 from tools.floorplans.dxf import Reading, plan_from_walls, walls_from_dxf
 from tools.floorplans.records import PlanFileError
@@ -152,6 +152,13 @@ def test_a_drawing_on_the_command_line(hall: Path, tmp_path: Path, capsys: Capsy
     assert main([str(hall), "--layers", "WALLS", "--walls", str(kept)]) == 0
     assert capsys.readouterr().out == "2 walls, 22.5 m in all\n"
     assert len(map_from_floor_plan(kept.read_text(), 1.0).walls) == 5  # each side its own
+    open_one = saved(one(lambda space: space.add_line((0, 0), (900, 0))), tmp_path)
+    assert main([str(open_one)]) == 2
+    assert f"{open_one}: no lines of it close in a floor" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["hall.json", "--origin", "1,2,90"])
+    assert "--origin, --walls: only with a DXF drawing" in capsys.readouterr().err
+    assert tuple(dxf.UNITS) == UNITS
     (tmp_path / "no.dxf").write_text("0\nhello\n")
     assert main([str(tmp_path / "no.dxf")]) == 2
     assert f"{tmp_path / 'no.dxf'}: must be a DXF drawing: " in capsys.readouterr().err

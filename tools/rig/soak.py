@@ -5,9 +5,9 @@
 The robot is driven about a hall at random, minute by minute with other faults of its devices. When
 these are over, all inputs must be well again within a time, the receiver's map must be the app's to
 the cell, its numbers must add up, and the device clocks must stand where they stood. Memory must
-not grow. Nothing is judged of where the robot goes: campaigns do that. One that is stuck, or has
-tipped over, is carried back to where it began and turned there, and its controller is switched off
-and on, as a person would do it.
+not grow. Nothing is judged of where the robot goes, over unknown ground, too: campaigns do that. One
+that is stuck, or has tipped over, is carried back to where it began and turned there, and its
+controller is switched off and on, as a person would do it.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from config_file import with_changes
+from core.mapping.method import MAX_SLOPE_RAD
 from core.records import Scan
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import load_scene
@@ -81,6 +82,11 @@ class WatchedWorld(World):
         self.sampled_s: deque[float] = deque(maxlen=KEPT)
         super().__init__(*args)
         self._home = self._data.qpos[:3].copy()
+
+    def has_tipped(self) -> bool:
+        """Whether the body leans farther than a map may be made from."""
+        _, x, y, _ = self._data.qpos[3:7]
+        return bool(1.0 - 2.0 * (x * x + y * y) < math.cos(MAX_SLOPE_RAD))
 
     def carry_home(self) -> None:
         """A person puts the robot down where it began, upright and with the heading that it has."""
@@ -154,7 +160,7 @@ class Soak:
         rig.drive.counter_offset = (2**31 - BEFORE_COUNTS, -(2**31) + BEFORE_COUNTS)
         self.ends, self.results = Ends(), list[LegResult]()
         self.resets = 0  # of the controller, as by a person, where counters had stood still
-        self.carried = 0  # by a person, where it was stuck
+        self.carried = 0  # by a person, where it was stuck or lay
         self.way_m, self._place = 0.0, self.world.pose()[:2]
         self._clocks: list[list[float]] = [[], []]  # of a leg: scanner, attitude sensor
         self._first_clocks: tuple[float, float] | None = None
@@ -166,6 +172,7 @@ class Soak:
         while self.loop.since_begin_s < seconds:
             if self._is_stuck():
                 self._carry_home()
+                self._recover(self.loop.now_s + RECOVERS_S)
             result = self._leg(len(self.results))
             self.results.append(result)
             yield result
@@ -182,7 +189,6 @@ class Soak:
         for _ in range(round(BY_HAND_S * self.loop.config.loop.rate_hz)):
             self.world.turn_by_hand()
             self._run(1.0 / self.loop.config.loop.rate_hz)
-        self._recover(self.loop.now_s + RECOVERS_S)
 
     def _leg(self, number: int) -> LegResult:
         faults = tuple(draw(self._seed * 100_003 + number, FAULTS, 2.0, FAULTY_S))
@@ -194,7 +200,7 @@ class Soak:
         self._recover(ended_s + RECOVERS_S)
         self._clocks = [[], []]
         self._run(LOOKED_S)
-        if self.loop.app.pilot.stalled:  # it ran into something meanwhile, which is no complaint
+        if self.loop.app.pilot.stalled or self.world.has_tipped():  # meanwhile: no complaint
             self._recover(self.loop.now_s + RECOVERS_S)
         scanner_s, ahrs_s = (float(np.median(errors or [np.nan])) for errors in self._clocks)
         return LegResult(
@@ -208,9 +214,11 @@ class Soak:
         )
 
     def _recover(self, until_s: float) -> None:
-        """Let all be well again; a robot that is stalled is freed as by a person."""
+        """Let all be well again; a robot that is stalled or lies is freed as by a person."""
         freed_s = -math.inf
         while not self._is_well() and self.loop.now_s < until_s:
+            if self.world.has_tipped():
+                self._carry_home()
             if self.loop.app.pilot.stalled and self.loop.now_s - freed_s > FREED_EVERY_S:
                 freed_s = self.loop.now_s
                 self.loop.rig.drive.reset(freed_s)
@@ -309,7 +317,7 @@ class Soak:
             f"{spread[1]:.2f} ms from leg to leg",
             f"slowest recovery: {max(result.recovered_s for result in results):.1f} s; "
             f"controller reset after a stall: {self.resets} times; "
-            f"carried back when stuck: {self.carried} times",
+            f"carried back when stuck or tipped: {self.carried} times",
             f"frames on the link: {counters['frames_sent']}",
             "ends crossed: " + "; ".join(f"{n}: {k}" for n, k in sorted(self.ends.crossed.items())),
         ]

@@ -1,8 +1,20 @@
 """The soak's short form, and that it notices what it is there for."""
 
+import math
+
 import pytest
 
-from tools.rig.soak import GROWN_MB, LEG_S, WARM_LEGS, Ends, LegResult, Soak, is_well, main
+from tools.rig.soak import (
+    GROWN_MB,
+    LEG_S,
+    RECOVERS_S,
+    WARM_LEGS,
+    Ends,
+    LegResult,
+    Soak,
+    is_well,
+    main,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -41,6 +53,17 @@ def test_minutes_of_driving_with_faults_cross_the_ends_of_clocks_and_counters(so
         assert crossed[name] >= 1, name
     assert crossed["wheel 1, counts"] + crossed["wheel 2, counts"] >= 1
     assert is_well(soak)
+
+
+def test_a_robot_that_has_tipped_over_is_carried_back_upright(soak: Soak) -> None:
+    carried = soak.carried
+    soak.world._data.qpos[3:7] = math.cos(0.6), math.sin(0.6), 0.0, 0.0
+    soak._run(1.0)
+    assert soak.world.has_tipped()
+    soak._recover(soak.loop.now_s + RECOVERS_S)
+    assert soak.carried == carried + 1
+    assert not soak.world.has_tipped()
+    assert soak._is_well()
 
 
 def test_what_is_wrong_at_the_end_of_a_leg_is_told(soak: Soak) -> None:

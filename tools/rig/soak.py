@@ -5,8 +5,8 @@
 The robot is driven about a hall at random, minute by minute with other faults of its devices. When
 these are over, all inputs must be well again within a time, the receiver's map must be the app's to
 the cell, its numbers must add up, and the device clocks must stand where they stood. Memory must
-not grow. Nothing is judged of where the robot goes, over unknown ground, too: campaigns do that. One
-that is stuck, or has tipped over, is carried back to where it began and turned there, and its
+not grow. Nothing is judged of where the robot goes, over unknown ground, too: campaigns do that.
+One that is stuck, or has tipped over, is carried back to where it began and turned there, and its
 controller is switched off and on, as a person would do it.
 """
 

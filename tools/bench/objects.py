@@ -5,11 +5,10 @@ the same steps on the same frame in the same run, as far as it has them, on one 
 the CPU, medians; the ratio of both compares between machines, and busy hours of one.
 """
 
-import importlib.util
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +17,7 @@ from core.objects.frame import hulls, outlines, summits, view, voxels
 from core.objects.frame.room import Room
 from core.objects.frame.steps import CameraPose, FrameSteps, level_of
 from core.records import F64, DepthCamera, DepthImage
+from tools.bench.libraries import maybe_open3d
 from tools.objects.frames import FRAMES, KINECT, Frame, image_of, pose_of
 
 ROUNDS, PEER_ROUNDS = 40, 8
@@ -112,9 +112,8 @@ def our_steps(steps: FrameSteps, image: DepthImage, pose: CameraPose) -> list[St
     ]
 
 
-def peer_steps(frame: Frame, image: DepthImage, room: Room) -> dict[str, Callable[[], Any]]:
+def peer_steps(o3d: ModuleType, image: DepthImage, room: Room) -> dict[str, Callable[[], Any]]:
     """Open3D's, each on what the one before it gives."""
-    o3d = importlib.import_module("open3d")
     rays = image.camera.rays
     focal = 1.0 / abs(float(rays[0, 1, 1] - rays[0, 0, 1]) / float(rays[0, 0, 0]))
     cx, cy = (float(rays[0, 0, k] / rays[0, 0, 0]) * focal for k in (1, 2))
@@ -144,14 +143,14 @@ def peer_steps(frame: Frame, image: DepthImage, room: Room) -> dict[str, Callabl
     }
 
 
-def report(name: str, frame: Frame, image: DepthImage, has_peer: bool) -> None:
+def report(name: str, frame: Frame, image: DepthImage, o3d: ModuleType | None) -> None:
     steps, pose = FrameSteps(KINECT), pose_of(frame)
     whole_ms = median_ms(lambda: steps.find(image, pose, NO_WALLS))
     told = steps.find(image, pose, NO_WALLS).objects
     rows, columns = image.numbers.shape
     print(f"{name}, {columns} x {rows}: {whole_ms:.1f} ms, {len(told.detections)} objects")
     ours = our_steps(steps, image, pose)
-    peers = peer_steps(frame, image, steps.room) if has_peer else {}
+    peers = peer_steps(o3d, image, steps.room) if o3d else {}
     total_ms, peer_total_ms = 0.0, 0.0
     for step in ours:
         ms = median_ms(step.run)
@@ -169,14 +168,13 @@ def report(name: str, frame: Frame, image: DepthImage, has_peer: bool) -> None:
 
 
 def main(arguments: Sequence[str]) -> int:
-    os.environ["OMP_NUM_THREADS"] = "1"  # read by Open3D when it is loaded
-    has_peer = importlib.util.find_spec("open3d") is not None
-    if not has_peer:
-        print("mapod: without Open3D beside it: pip install open3d, in an environment of its own")
+    o3d = maybe_open3d()
+    if o3d is None:
+        print("mapod: without Open3D beside it: make bench puts it into build/open3d")
     for frame in FRAMES:
         if not arguments or frame.file in arguments:
-            report(frame.file, frame, image_of(frame), has_peer)
-    report(f"{FRAMES[-1].file}, its middle", FRAMES[-1], cut(image_of(FRAMES[-1])), has_peer)
+            report(frame.file, frame, image_of(frame), o3d)
+    report(f"{FRAMES[-1].file}, its middle", FRAMES[-1], cut(image_of(FRAMES[-1])), o3d)
     return 0
 
 

@@ -5,12 +5,9 @@ itself, smaller.
 """
 
 import functools
-import importlib
 import pickle
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -27,11 +24,11 @@ from hw.planner_link.receivers import Planners
 from hw.planner_link.sender import LinkSettings, Wire
 from tools.bench import bench, mapping, object_map, stripe
 from tools.bench.drive import FAST, SHIPPED, RandomMap
-from tools.cli.options import ROOT
+from tools.bench.libraries import maybe_octomap, maybe_open3d
+from tools.bench.objects import our_steps, peer_steps
 from tools.experiments.object_world import SETTINGS, World, box
 from tools.objects.frames import FRAMES, KINECT, image_of, pose_of
 
-OCTOMAP = ROOT / "build" / "octomap"  # where make bench puts it: no library of mapod's
 Work = Callable[[int], Any]
 DRIVE_S = 6.0  # of the recorded drive, of which the first seconds have no scans in the map
 DECODED_BYTES = 40_000
@@ -50,15 +47,6 @@ class Pair:
     ours: Work
     peer: Work
     rounds: int  # at least; more where there is time
-
-
-def maybe_octomap() -> ModuleType | None:
-    """The library, where `make bench` has put it."""
-    if not OCTOMAP.is_dir():
-        return None
-    if str(OCTOMAP) not in sys.path:
-        sys.path.append(str(OCTOMAP))
-    return importlib.import_module("pyoctomap")
 
 
 # Decoding
@@ -203,6 +191,18 @@ def cameras() -> Iterator[Pair]:
         lambda k: numpy_points(image, KINECT.voxel_m),
         5,
     )
+    open3d = maybe_open3d()
+    if open3d is not None:
+        ours = our_steps(FrameSteps(KINECT), image, pose)
+        theirs = peer_steps(open3d, image, steps.room)
+        shared = [step for step in ours if step.peer in theirs]
+        yield Pair(
+            "depth frame to objects",
+            "Open3D: the steps that both have",
+            lambda k: [step.run() for step in shared],
+            lambda k: [theirs[step.peer]() for step in shared],
+            5,
+        )
     line = stripe.Line()
     if not line.decoder.is_missing:
         line.begin()

@@ -50,11 +50,11 @@ rig: setup ## the app as it is, in real time, as rig.toml says: real or fake dev
 planner: setup ## the demonstration planner in C on a Cortex-M3: its flash, RAM and stack
 	@$(BIN)/python -m tools.rig.c_sizes planner
 
-campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder RESUME=folder]
+campaign: setup ## simulated drives to goals through random scenes [N=200 SEED=1 FAULTS=1 ONLY=17 WATCH=1 RECORD=folder RESUME=folder MISSES=folder]
 	@$(BIN)/python -m tools.rig.campaign --runs $(or $(N),200) --seed $(SEED) \
 	  $(if $(JOBS),--jobs $(JOBS)) $(if $(ONLY),--only $(ONLY)) $(if $(FAULTS),--faults $(FAULTS)) \
 	  $(if $(filter command line,$(origin SCENE)),--scene $(SCENE)) \
-	  $(if $(WATCH),--watch) $(if $(RECORD),--record $(RECORD)) $(if $(RESUME),--resume $(RESUME)) $(ARGS)
+	  $(if $(WATCH),--watch) $(if $(RECORD),--record $(RECORD)) $(if $(RESUME),--resume $(RESUME)) $(if $(MISSES),--misses $(MISSES)) $(ARGS)
 
 faults: setup ## every fault of every fake while the robot drives, and pairs of them [PAIRS=40 ONLY=scanner.]
 	@$(BIN)/python -m tools.rig.fault_table --pairs $(or $(PAIRS),40) --seed $(SEED) $(if $(ONLY),--only $(ONLY))

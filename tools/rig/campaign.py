@@ -279,6 +279,7 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--resume", type=Path, help="a folder that keeps each result; begun again, the rest is run")
     add("--scheduler", default="", help="a Dask cluster, tcp://host:8786, instead of --jobs")
     add("--record", type=Path, help="a folder for bytes, path, events, picture")
+    add("--misses", type=Path, help="a folder to record each run in that missed a goal, once more")
     add("--json", type=Path, help="a file for all results")
     add("--markdown", action="store_true", help="the table for a document")
     options = parser.parse_args(arguments)
@@ -288,6 +289,10 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     if options.runs < 1 or options.jobs < 1 or options.limit <= 0.0 or options.faults < 0:
         parser.error("--runs, --jobs and --limit must be above 0, --faults not below it")
     return options
+
+
+def folder_of(root: Path, number: int) -> Path:
+    return root / f"run_{number:03d}"
 
 
 def tasks_of(options: argparse.Namespace) -> list[Task]:
@@ -305,7 +310,7 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
         Task(
             number,
             spec_of(options.seed, number, scenes, options.faults, options.limit),
-            options.record / f"run_{number:03d}" if options.record else None,
+            folder_of(options.record, number) if options.record else None,
         )
         for number in numbers
     ]
@@ -348,6 +353,23 @@ def run_all(
     return len(outcomes.before)
 
 
+def record_misses(
+    options: argparse.Namespace, outcomes: Sequence[Outcome], console: Console
+) -> None:
+    """Run what crashed, collided or missed a goal once more, and record it, with a picture."""
+    tasks = [
+        Task(outcome.number, outcome.spec, folder_of(options.misses, outcome.number))
+        for outcome in outcomes
+        if outcome.result is None or outcome.result.collisions or outcome.result.missed
+    ]
+    if not tasks:
+        return
+    console.print(f"recording {len(tasks)} of these runs in {options.misses}, each with a picture")
+    running = Outcomes(tasks).missing(LocalProcesses(options.jobs))
+    for _ in with_bar(console, len(tasks), running, counts):
+        pass
+
+
 def main(arguments: Sequence[str]) -> int:
     options, begun_s = arguments_of(arguments), time.monotonic()
     console = Console() if sys.stdout.isatty() else Console(width=WIDE)
@@ -375,6 +397,9 @@ def main(arguments: Sequence[str]) -> int:
     show(console, outcomes, len(tasks), again(options), passed_s, options.markdown)
     if options.json:
         options.json.write_text(json.dumps(as_json(outcomes), indent=1), encoding="utf-8")
+    if options.misses:
+        with contextlib.suppress(KeyboardInterrupt):
+            record_misses(options, outcomes, console)
     return 0 if is_well(outcomes, len(tasks)) else 1
 
 

@@ -192,6 +192,18 @@ def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None
     assert not campaign.is_well(list(outcomes.values()), 3)
 
 
+@pytest.mark.slow
+def test_a_run_that_missed_its_goals_is_recorded_once_more_with_a_picture(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    short = ["--runs", "1", "--scene", "passage", "--limit", "2", "--jobs", "1"]
+    assert campaign.main([*short, "--misses", str(tmp_path)]) == 1
+    assert "recording 1 of these runs" in capsys.readouterr().out
+    assert json.loads((tmp_path / "run_000" / "run.json").read_text())["missed"]
+    with Image.open(tmp_path / "run_000" / "picture.png") as picture:
+        assert picture.size > (100, 100)
+
+
 def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: Caught) -> None:
     bad = caught[0].result()
     outcomes = [

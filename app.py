@@ -378,7 +378,7 @@ def warm_kernels(config: Config) -> None:
         window_trusted, told = app.report(now_s)
         app.tell(now_s, told, window_trusted)
         app.monitor.warm(app.seen(now_s))
-        app.pilot.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s), True)
+        app.pilot.control.drop_ahead((0.1, 0.1), None, app.mapper.maybe_pose(now_s))
     one = np.zeros(1, dtype=np.int64)
     for name in UNITS:
         app.mapper.maybe_values(name, one, one)

@@ -110,7 +110,7 @@ class DriveControl:
             robot.brake_mps2,
             health.stale_s(config.scanner.options.spec.period_s) + LOOP_S + ORDER_S,
         )
-        self.off_start_m = 0.0  # the map's origin may be so far from where the run began
+        self.off_start_m = 0.0  # the map's origin may be so far from where the run began; inf: any
         self.v_mps = self.w_radps = 0.0  # commanded now
         self.blocked_by = ""  # why it stands although somebody wants it to move, in words
         self.maybe_barred: Barred | None = None  # the cell that it stands before, if one it is
@@ -118,15 +118,14 @@ class DriveControl:
         self._let_go_for = ""  # what made the motors unwilling while somebody wanted them to turn
 
     @property
-    def clear(self) -> tuple[Place, Place]:
+    def clear(self) -> Place:
         """x, y and radius of the ground where unknown counts as free; inf: everywhere.
 
-        By whether it is known where the run began, about which the settings vouch for the ground.
+        The settings vouch for the ground about where the run began, as far as that is known.
         """
         robot = self._robot
-        if not robot.unknown_stops:
-            return (*START_M, math.inf), (*START_M, math.inf)
-        return (*START_M, 0.0), (*START_M, max(0.0, robot.start_clear_m - self.off_start_m))
+        radius_m = robot.start_clear_m - self.off_start_m if robot.unknown_stops else math.inf
+        return (*START_M, max(0.0, radius_m))
 
     def halt(self, reason: str) -> Powers:
         self.v_mps = self.w_radps = 0.0
@@ -139,7 +138,6 @@ class DriveControl:
         request: DriveRequest | None,
         stop_reason: str,
         pose: Pose | None,
-        assumed_clear: bool,
         motors_off: str,
         moves: Motion,
     ) -> Powers:
@@ -149,7 +147,6 @@ class DriveControl:
             stop_reason: why to stand still, in words.
             moves: as measured. A robot that is faster than it was told (downhill, or full power is
                 more than the settings say) is slowed down for what is in the way of its real speed.
-            assumed_clear: the map still is that of the start.
             motors_off: why the motors do not obey; when that ends, a request that was there all
                 the time moves nothing: somebody may stand at the emergency stop.
         """
@@ -172,9 +169,9 @@ class DriveControl:
         rate_mps, measured_mps = self.zone.rate_mps(*motion), self.zone.rate_mps(*moves)
         is_faster = measured_mps > FASTER * rate_mps + FASTER_MPS
         rate_mps = measured_mps if is_faster else rate_mps
-        found = self.look(pose, motion, self.zone.rate_mps(*wanted), assumed_clear)
+        found = self.look(pose, motion, self.zone.rate_mps(*wanted))
         if is_faster:  # it still rolls, maybe on another arc
-            rolls_to = self.look(pose, moves, 0.0, assumed_clear)
+            rolls_to = self.look(pose, moves, 0.0)
             found = min(found, rolls_to, key=lambda one: one.free_m)
         allowed_mps = self.zone.allowed_mps(found.free_m)
         if rate_mps >= STANDING_MPS and allowed_mps <= (SET_OUT_MPS if stands else 0.0):
@@ -189,17 +186,11 @@ class DriveControl:
         self.maybe_barred = (found.i + 0.5) * cell_m, (found.j + 0.5) * cell_m, cell_m
         return powers
 
-    def drop_ahead(
-        self,
-        moves: Motion,
-        request: DriveRequest | None,
-        pose: Pose | None,
-        assumed_clear: bool,
-    ) -> bool:
+    def drop_ahead(self, moves: Motion, request: DriveRequest | None, pose: Pose | None) -> bool:
         """Whether the way to a stop, as the robot moves or else is asked to, leads to a drop."""
         if pose is None:
             return False
-        found = self.look(pose, self.heading_for(moves, request), 0.0, assumed_clear)
+        found = self.look(pose, self.heading_for(moves, request), 0.0)
         return found.state == OBSTACLE and self.is_drop(found)
 
     def heading_for(self, moves: Motion, request: DriveRequest | None) -> Motion:
@@ -233,15 +224,12 @@ class DriveControl:
         turn = robot.max_turn_accel_radps2 * passed_s
         self.w_radps = _towards(self.w_radps, wanted[1], turn, turn)
 
-    def look(
-        self, pose: Pose, motion: Motion, from_mps: float, assumed_clear: bool, for_s: float = 0.0
-    ) -> Obstruction:
+    def look(self, pose: Pose, motion: Motion, from_mps: float, for_s: float = 0.0) -> Obstruction:
         """What a motion would meet on its way to a stop (`StopZone.look`)."""
         if not any(motion):
             return NOTHING
-        window, clear = self._maps.window, self.clear[assumed_clear]
-        place = (pose.x_m, pose.y_m, pose.yaw_rad)
-        return self.zone.look(window.grid, window.cells, place, motion, clear, from_mps, for_s)
+        window, place = self._maps.window, (pose.x_m, pose.y_m, pose.yaw_rad)
+        return self.zone.look(window.grid, window.cells, place, motion, self.clear, from_mps, for_s)
 
     def is_drop(self, obstacle: Obstruction) -> bool:
         """Whether that is lower than the ground, or ground that did not show."""

@@ -4,13 +4,12 @@ It moves only where motors are enabled, all inputs are well and nothing is in th
 Source: design, section 8.
 """
 
-import math
-
 from core.config import Config
 from core.driving.control import NOT_ENABLED, DriveControl, Powers, stop_reason
 from core.driving.stall import STALLED, StallWatch
 from core.driving.zone import NOT_TRUSTED, ZoneReporter
 from core.mapping.mapper import Mapper
+from core.motion.track import Pose
 from core.records import DriveRequest, PoseReport, WheelCounts
 
 ZONE_S = 0.045  # the stop zone is worked out this often: at every second or third map frame
@@ -47,17 +46,16 @@ class Pilot:
             return
         self._zone_s = now_s
         self.zone = self._zones.report(
-            self._mapper.maybe_pose(now_s),
+            self._maybe_pose(now_s),
             trusted,
             (told.v_mps, told.w_radps),
             request if request is not None and now_s <= request.valid_until_s else None,
-            self._vouch(),
         )
 
     def look_ahead(self, now_s: float, told: PoseReport, request: DriveRequest | None) -> None:
         """Whether the way to a stop leads to a drop."""
-        pose, moves = self._mapper.maybe_pose(now_s), (told.v_mps, told.w_radps)
-        self.drop_ahead = self.control.drop_ahead(moves, request, pose, self._vouch())
+        pose, moves = self._maybe_pose(now_s), (told.v_mps, told.w_radps)
+        self.drop_ahead = self.control.drop_ahead(moves, request, pose)
 
     def powers(
         self,
@@ -83,8 +81,7 @@ class Pilot:
             now_s,
             request,
             stop_reason(told.health, told.mode, sight, others),
-            self._mapper.maybe_pose(now_s),
-            self._vouch(),
+            self._maybe_pose(now_s),
             motors_off,
             (told.v_mps, told.w_radps),
         )
@@ -96,12 +93,7 @@ class Pilot:
         self.control.halt(reason)
         self._stall.told(now_s, 0.0, 0.0)
 
-    @property
-    def start_assumed_clear(self) -> bool:
-        """It is known where the run began, whose ground the settings vouch for."""
-        return self._mapper.off_start_m < math.inf
-
-    def _vouch(self) -> bool:
-        """The same; tells the control how well it is known."""
+    def _maybe_pose(self, now_s: float) -> Pose | None:
+        """The pose now; the control is told how far off the run's start may be from its map."""
         self.control.off_start_m = self._mapper.off_start_m
-        return self.start_assumed_clear
+        return self._mapper.maybe_pose(now_s)

@@ -42,7 +42,6 @@ class ZoneReporter:
         trusted: bool,
         moves: Motion,
         request: DriveRequest | None,
-        assumed_clear: bool,
     ) -> StopZoneReport:
         """The stop zone as it is now.
 
@@ -50,7 +49,6 @@ class ZoneReporter:
             trusted: the inputs are such that free may be told.
             moves: forward m/s and rad/s, as measured.
             request: what the robot is asked to do, if it is.
-            assumed_clear: the map still is that of the start.
         """
         if pose is None or not trusted:
             return NOT_TRUSTED
@@ -59,20 +57,20 @@ class ZoneReporter:
         place, (front_m, rear_m, side_m) = (pose.x_m, pose.y_m, pose.yaw_rad), zone.rect
         turned = (pose.x_m, pose.y_m, pose.yaw_rad + math.pi)
         # of a way: the margin, metres to look, and the ground that is vouched for
-        way = zone.margin_m, LONGEST_M, control.clear[assumed_clear]
+        way = zone.margin_m, LONGEST_M, control.clear
         ahead_m, *cell, hard_ahead_m = free_path(*ground, place, zone.rect, *way)
         behind_m, *_, hard_behind_m = free_path(*ground, turned, (rear_m, front_m, side_m), *way)
         nearest_m, bearing_rad = nearest_obstacle(*ground, place, zone.rect)
         if self._sectors_m.size:
             nearest_in_sectors(*ground, place, self._sectors_m)
         ahead = Obstruction(ahead_m, *cell)
-        state, causes = self._judge(pose, ahead, moves, request, assumed_clear)
+        state, causes = self._judge(pose, ahead, moves, request)
         return StopZoneReport(
             ahead_m,
             hard_ahead_m,
             behind_m,
             hard_behind_m,
-            self._contact_s(pose, moves, assumed_clear),
+            self._contact_s(pose, moves),
             min(self._max_mps, zone.allowed_mps(ahead_m)),
             min(self._max_mps, zone.allowed_mps(behind_m)),
             nearest_m,
@@ -82,11 +80,11 @@ class ZoneReporter:
             causes,
         )
 
-    def _contact_s(self, pose: Pose, moves: Motion, assumed_clear: bool) -> float:
+    def _contact_s(self, pose: Pose, moves: Motion) -> float:
         rate_mps = self._control.zone.rate_mps(*moves)
         if rate_mps < MOVING_MPS:
             return math.inf
-        found = self._control.look(pose, moves, 0.0, assumed_clear, for_s=CONTACT_S)
+        found = self._control.look(pose, moves, 0.0, CONTACT_S)
         return found.free_m / rate_mps if found.free_m < CONTACT_S * rate_mps else math.inf
 
     def _judge(
@@ -95,7 +93,6 @@ class ZoneReporter:
         ahead: Obstruction,
         moves: Motion,
         request: DriveRequest | None,
-        assumed_clear: bool,
     ) -> tuple[int, int]:
         """State, and causes if it is not clear, of the way that the robot takes or would take."""
         control = self._control
@@ -103,7 +100,7 @@ class ZoneReporter:
         rate_mps, full_mps = control.zone.rate_mps(*moves), self._max_mps
         if any(motion):
             full_mps = control.zone.rate_mps(*control.at_full_speed(motion))
-            found = control.look(pose, motion, full_mps, assumed_clear)
+            found = control.look(pose, motion, full_mps)
         allowed_mps = control.zone.allowed_mps(found.free_m)
         if allowed_mps >= full_mps:
             return CLEAR, 0

@@ -88,7 +88,7 @@ def test_after_a_controller_started_again_the_map_holds_as_far_as_it_can_have_ro
     pose = app.mapper.maybe_pose(commander.loop.now_s)
     assert pose is not None
     assert np.hypot(pose.x_m - x, pose.y_m - y) <= off_m
-    assert app.pilot.control.clear[app.pilot.start_assumed_clear][2] == 12.0 - off_m
+    assert app.pilot.control.clear[2] == 12.0 - off_m
     comparison = compare(commander.loop)
     assert (commander.loop.map_now() == FREE).sum() > 100
     assert comparison.free_on_obstacle == []
@@ -119,7 +119,7 @@ def test_a_controller_that_starts_again_with_its_radio_ends_the_map() -> None:
     commander.run(3.0)
     assert app.mapper.counts.erased == 1
     assert app.mapper.off_start_m == np.inf
-    assert not app.pilot.start_assumed_clear
+    assert app.pilot.control.clear[2] == 0.0
     assert not app.mapper.maps.window.under.any()
 
 

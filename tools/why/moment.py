@@ -90,7 +90,7 @@ def obstruction(app: App, now_s: float) -> Obstruction | None:
     motion = control.heading_for((odometry.v_mps, odometry.w_radps), request_of(app, now_s))
     motion = motion if any(motion) else (robot.max_speed_mps, 0.0)
     full_mps = control.zone.rate_mps(*control.at_full_speed(motion))
-    found = control.look(pose, motion, full_mps, app.pilot.start_assumed_clear)
+    found = control.look(pose, motion, full_mps)
     return None if math.isinf(found.free_m) else found
 
 
@@ -107,10 +107,11 @@ def near_cells(app: App, now_s: float) -> list[Cell]:
         return []
     control, window = app.pilot.control, app.mapper.maps.window
     zone, grid = control.zone, window.grid
-    clear = control.clear[app.pilot.start_assumed_clear]
     place = (pose.x_m, pose.y_m, pose.yaw_rad)
     frame = (grid.corner_i, grid.corner_j, grid.size)
-    near = cells_near(window.cells, frame, grid.cell_m, place, zone.rect, zone.margin_m, clear)
+    near = cells_near(
+        window.cells, frame, grid.cell_m, place, zone.rect, zone.margin_m, control.clear
+    )
     middles = [((i + 0.5) * grid.cell_m, (j + 0.5) * grid.cell_m) for i, j, _ in near.tolist()]
     order = np.argsort([math.dist(middle, place[:2]) for middle in middles], kind="stable")
     return [(int(near[k, 0]), int(near[k, 1])) for k in order]

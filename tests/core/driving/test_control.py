@@ -55,9 +55,7 @@ class Robot:
     def step(self, request: DriveRequest | None, stop_reason: str = "", **kw: Any) -> None:
         self.now_s += PERIOD_S
         given: dict[str, Any] = {"pose": HERE, "motors_off": "", "moves": (0.0, 0.0)} | kw
-        self.powers = self.control.step(
-            self.now_s, request, stop_reason, assumed_clear=True, **given
-        )
+        self.powers = self.control.step(self.now_s, request, stop_reason, **given)
 
     def run(self, v_mps: float, w_radps: float, seconds: float) -> None:
         for _ in range(round(seconds / PERIOD_S)):
@@ -222,10 +220,10 @@ def test_a_drop_is_told_from_what_stands_up(seen: dict[str, float], is_drop: boo
     for name, value in {"var_m2": 1e-4, **seen}.items():
         robot.maps.cells[name][at] = value
     asks = DriveRequest(0.5, 0.0, 1e9)
-    assert robot.control.drop_ahead((0.5, 0.0), None, HERE, True) is is_drop
-    assert robot.control.drop_ahead((0.0, 0.0), asks, HERE, True) is is_drop
-    assert not robot.control.drop_ahead((-0.5, 0.0), asks, HERE, True)
-    assert not robot.control.drop_ahead((0.5, 0.0), asks, None, True)
+    assert robot.control.drop_ahead((0.5, 0.0), None, HERE) is is_drop
+    assert robot.control.drop_ahead((0.0, 0.0), asks, HERE) is is_drop
+    assert not robot.control.drop_ahead((-0.5, 0.0), asks, HERE)
+    assert not robot.control.drop_ahead((0.5, 0.0), asks, None)
     robot.run(0.5, 0.0, 0.2)
     said = "a drop is in the way" if is_drop else "an obstacle is in the way"
     assert robot.control.blocked_by in ("", said)
@@ -233,15 +231,12 @@ def test_a_drop_is_told_from_what_stands_up(seen: dict[str, float], is_drop: boo
 
 def test_what_is_vouched_for_is_the_ground_near_the_start_of_an_unbroken_map() -> None:
     asks = DriveRequest(0.5, 0.0, 1e9)
-    for clear_m, assumed_clear, goes in (
-        (3.0, True, True),
-        (3.0, False, False),
-        (0.3, True, False),
-    ):
+    for clear_m, off_m, goes in ((3.0, 0.0, True), (3.0, math.inf, False), (0.3, 0.0, False)):
         robot = Robot(start_clear_m=clear_m)
+        robot.control.off_start_m = off_m
         robot.window.cells[...] = UNKNOWN
         now_s = robot.now_s + PERIOD_S
-        powers = robot.control.step(now_s, asks, "", HERE, assumed_clear, "", (0.0, 0.0))
+        powers = robot.control.step(now_s, asks, "", HERE, "", (0.0, 0.0))
         assert (powers != (0.0, 0.0)) is goes
 
 
@@ -256,7 +251,7 @@ def fresh(**robot: Any) -> DriveControl:
 def test_power_is_the_share_of_the_full_speed() -> None:
     config = with_changes(Robot().config, drive={"full_power_mps": 2.0})
     control = DriveControl(config, blank_maps())
-    powers = control.step(9.0, DriveRequest(0.5, 0.0, 9.0), "", HERE, True, "", (0.0, 0.0))
+    powers = control.step(9.0, DriveRequest(0.5, 0.0, 9.0), "", HERE, "", (0.0, 0.0))
     assert powers == pytest.approx((control.v_mps / 2.0, control.v_mps / 2.0))
     assert control.v_mps > 0.0
 
@@ -264,7 +259,7 @@ def test_power_is_the_share_of_the_full_speed() -> None:
 def go(control: DriveControl, now_s: float, v: float, w: float = 0.0, **kw: Any) -> None:
     """A step of a robot at the origin, with a request that holds until just now."""
     given = {"motors_off": "", "moves": (0.0, 0.0)} | kw
-    control.step(now_s, DriveRequest(v, w, now_s), "", HERE, True, **given)
+    control.step(now_s, DriveRequest(v, w, now_s), "", HERE, **given)
 
 
 def test_a_new_control_stands_and_its_first_step_is_no_longer_than_a_late_one() -> None:
@@ -332,9 +327,10 @@ def before_wall(robot: Robot, free_m: float) -> Pose:
 def test_the_ground_that_is_vouched_for_shrinks_by_how_badly_its_middle_is_known() -> None:
     control = Robot(start_clear_m=1.5).control
     control.off_start_m = 0.5
-    assert control.clear == ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    control.off_start_m = 2.0
-    assert control.clear[True] == (0.0, 0.0, 0.0)
+    assert control.clear == (0.0, 0.0, 1.0)
+    for off_m in (2.0, math.inf):
+        control.off_start_m = off_m
+        assert control.clear == (0.0, 0.0, 0.0)
 
 
 def test_a_robot_that_still_rolls_is_not_turned_into_what_it_rolls_to() -> None:
@@ -351,9 +347,7 @@ def test_a_robot_that_still_rolls_is_not_turned_into_what_it_rolls_to() -> None:
 def test_a_robot_a_little_faster_than_told_lags_and_one_that_is_faster_still_is_slowed() -> None:
     robot = Robot(max_accel_mps2=20.0)
     pose = before_wall(robot, 0.36)
-    allowed_mps = robot.control.zone.allowed_mps(
-        robot.control.look(pose, (0.4, 0.0), 1.0, True).free_m
-    )
+    allowed_mps = robot.control.zone.allowed_mps(robot.control.look(pose, (0.4, 0.0), 1.0).free_m)
     assert 0.4 < allowed_mps < 0.55
     for moves_mps, v_mps in ((0.555, 0.4), (0.565, 0.4 * allowed_mps / 0.565)):
         for _ in range(9):
@@ -374,21 +368,22 @@ def test_the_way_goes_as_the_robot_moves_or_else_as_it_is_asked_to() -> None:
     assert control.heading_for((0.05, 0.0), back) == (0.05, 0.0)
     assert control.heading_for((0.0499, 0.0), back) == (-0.5, 0.125)
     assert control.heading_for((0.0499, 0.0), None) == (0.0, 0.0)
-    assert control.look(HERE, (0.0, 0.0), 9.0, True) is NOTHING
+    assert control.look(HERE, (0.0, 0.0), 9.0) is NOTHING
 
 
 @pytest.mark.parametrize(
-    ("unknown_stops", "assumed_clear", "goes_m"),
-    [(True, False, 1.0), (True, True, 2.0), (False, False, math.inf), (False, True, math.inf)],
+    ("unknown_stops", "off_m", "goes_m"),
+    [(True, math.inf, 1.0), (True, 0.0, 2.0), (False, math.inf, math.inf), (False, 0.0, math.inf)],
 )
 def test_unknown_ground_is_free_where_the_settings_say_so(
-    unknown_stops: bool, assumed_clear: bool, goes_m: float
+    unknown_stops: bool, off_m: float, goes_m: float
 ) -> None:
     robot = Robot(unknown_stops=unknown_stops, start_clear_m=2.0)
     size = robot.config.robot
     for x_m in (1.0, 2.0, 3.0):
         robot.mark(x_m + 0.1, 0.1, UNKNOWN)
-    found = robot.control.look(HERE, (0.1, 0.0), 1.6, assumed_clear)
+    robot.control.off_start_m = off_m
+    found = robot.control.look(HERE, (0.1, 0.0), 1.6)
     assert found.free_m == pytest.approx(goes_m - size.front_m - size.stop_margin_m, abs=0.01)
 
 
@@ -405,7 +400,7 @@ def test_a_drop_is_ahead_when_it_lies_within_the_way_to_a_stop_and_not_before() 
     ahead_m = 1.0 - robot.config.robot.front_m - robot.config.robot.stop_margin_m
     for free_m, is_ahead in ((0.35, False), (0.15, True)):
         pose = Pose(0.0, ahead_m - free_m, 0.0, 0.0, 0.0, 0.0)
-        assert robot.control.drop_ahead((0.2, 0.0), None, pose, True) is is_ahead
+        assert robot.control.drop_ahead((0.2, 0.0), None, pose) is is_ahead
 
 
 # Doubts

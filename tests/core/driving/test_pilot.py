@@ -134,7 +134,6 @@ def test_the_settings_vouch_as_long_as_it_is_known_where_the_run_began(
     robot.mapper.maps.window.cells[...] = UNKNOWN
     robot.mapper.off_start_m = off_m
     assert any(robot.powers()) is goes
-    assert robot.pilot.start_assumed_clear is (off_m < math.inf)
 
 
 def test_wheels_that_do_not_follow_get_no_power() -> None:

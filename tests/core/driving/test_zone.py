@@ -72,10 +72,11 @@ class Ground:
         request: DriveRequest | None = None,
         yaw_rad: float = 0.0,
         trusted: bool = True,
-        assumed_clear: bool = False,
+        off_start_m: float = math.inf,
     ) -> StopZoneReport:
         pose = Pose(0.0, 0.0, 0.0, yaw_rad, 0.0, 0.0)
-        return self.reporter.report(pose, trusted, moves, request, assumed_clear)
+        self.control.off_start_m = off_start_m
+        return self.reporter.report(pose, trusted, moves, request)
 
 
 def test_on_free_ground_the_way_ends_where_the_window_does() -> None:
@@ -125,9 +126,8 @@ def test_unseen_ground_ends_the_way_but_is_no_obstacle() -> None:
     told = ground.report()
     assert told.causes == UNSEEN
     assert told.free_ahead_m < told.obstacle_ahead_m < 1.0
-    assert (
-        ground.report(assumed_clear=True).free_ahead_m == told.free_ahead_m
-    )  # nobody vouches for 0 m
+    vouched_m = ground.report(off_start_m=0.0).free_ahead_m
+    assert vouched_m == told.free_ahead_m  # as shipped, for nothing
 
 
 def test_contact_is_when_the_margin_meets_what_is_not_free() -> None:
@@ -169,7 +169,7 @@ def test_a_drop_is_told_as_one() -> None:
 def test_what_is_not_trusted_has_no_free_way_and_no_speed() -> None:
     ground = Ground()
     assert ground.report(trusted=False) == NOT_TRUSTED
-    assert ground.reporter.report(None, True, STILL, None, False) == NOT_TRUSTED
+    assert ground.reporter.report(None, True, STILL, None) == NOT_TRUSTED
     assert NOT_TRUSTED.state == 0
     assert not any(NOT_TRUSTED.sectors_m)
 
@@ -178,7 +178,7 @@ def test_sectors_that_nobody_reads_are_not_told() -> None:
     ground = Ground()
     reporter = ZoneReporter(ground.control, ground.window, 1.0, has_sectors=False)
     pose = Pose(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    told = reporter.report(pose, True, STILL, None, False)
+    told = reporter.report(pose, True, STILL, None)
     assert told == replace(ground.report(), sectors_m=())
 
 

@@ -116,7 +116,7 @@ def zone_of(rig: Rig) -> StopZoneReport:
     control = DriveControl(config_of(), rig.mapper.maps)
     pose = rig.mapper.maybe_pose(rig.now_s)
     reporter = ZoneReporter(control, rig.maps.window, 1.0)
-    return reporter.report(pose, True, (0.0, 0.0), None, False)
+    return reporter.report(pose, True, (0.0, 0.0), None)
 
 
 def test_a_robot_that_stands_for_long_says_no_longer_that_it_is_free_behind_it() -> None:

@@ -113,9 +113,8 @@ class WheelCounts(Struct, frozen=True, eq=False):
     t_s: float  # host monotonic clock
     left: float  # counts (quadrature edges), forward positive; unwrapped, interpolated to t_s
     right: float
-    # grows when the zero was lost: travel across such a step is not known. By one if the controller
-    # has said that it started again, so that its motors had no power meanwhile; else by more
-    restarts: int
+    restarts: int  # grows when the zero was lost: travel across such a step is not known
+    unpowered: bool = False  # motors had none at the newest: the controller said that it restarted
 
 
 class ObstacleMap(Struct, frozen=True, eq=False):

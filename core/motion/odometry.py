@@ -12,6 +12,7 @@ import math
 from collections import deque
 
 import numpy as np
+from msgspec.structs import replace as changed
 
 from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
@@ -109,7 +110,7 @@ class Odometry:
     def add(self, counts: WheelCounts) -> None:
         """Take one pair of counts; it counts once the attitude at its time is known."""
         if self._on_rail:
-            counts = WheelCounts(counts.t_s, counts.left, counts.left, counts.restarts)
+            counts = changed(counts, right=counts.left)
         newest = self._waiting[-1] if self._waiting else self._last
         if newest is not None and not counts.t_s >= newest.t_s + LEAST_S:
             return
@@ -269,7 +270,8 @@ class Odometry:
 
     def _maybe_gap(self, last: WheelCounts, counts: WheelCounts) -> Gap | None:
         """What is known of counters that began anew between both; None: too little."""
-        if counts.restarts != last.restarts + 1 or self.wheels.slipping:
+        is_known = counts.unpowered and counts.restarts == last.restarts + 1
+        if not is_known or self.wheels.slipping:
             return None
         owed_m = math.hypot(*self._state.value[[X, Y]].tolist())
         return Gap(last.t_s, counts.t_s, self.v_mps, owed_m)

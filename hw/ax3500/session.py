@@ -392,7 +392,8 @@ class Ax3500(Device[WheelCounts]):
                 travel = (taken.one, taken.two)
                 (left, left_sign), (right, right_sign) = self._left, self._right
                 turned = left_sign * travel[left], right_sign * travel[right]
-                measured.append(WheelCounts(taken.t_s, *turned, self._counters.restarts))
+                restarts, unpowered = self._counters.restarts, self._counters.unpowered
+                measured.append(WheelCounts(taken.t_s, *turned, restarts, unpowered))
             elif taken is not None:
                 self.status.reject(taken)
         self.stream.readings = []

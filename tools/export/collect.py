@@ -45,7 +45,9 @@ class ListeningMapper:
 
     def add_counts(self, counts: WheelCounts) -> None:
         sides = {"left_counts": counts.left, "right_counts": counts.right}
-        self.row("wheels", counts.t_s, **sides, restarts=counts.restarts)
+        self.row(
+            "wheels", counts.t_s, **sides, restarts=counts.restarts, unpowered=counts.unpowered
+        )
         self._mapper.add_counts(counts)
 
     def add_scan(self, scan: Scan | PointSweep) -> None:

@@ -55,7 +55,10 @@ def followed(
     robot, ring = config.robot, AttitudeRing(0.0, 0.0, 0.0, levels=True)
     wheel = robot.wheel_radius_m, robot.encoder_ppr, robot.gear_ratio, robot.track_width_m
     odometry, at = Odometry(ring, *wheel), 0
-    counts = [WheelCounts(t, left, right, int(n)) for t, left, right, n in drive.counts.tolist()]
+    counts = [
+        WheelCounts(t, left, right, int(n), bool(off))
+        for t, left, right, n, off in drive.counts.tolist()
+    ]
     for k, attitude in enumerate(said):
         ring.add(attitude)
         while at < len(counts) and counts[at].t_s <= attitude.t_s:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from core.config import Config
@@ -48,7 +49,7 @@ class Drive:
     accel_mps2: F64  # (n, 3) with gravity
     pose: F64  # (n, 5) x, y, yaw, pitch, roll; map frame
     steel: F64  # (n, 3, 3) what steel makes of the earth's field
-    counts: F64  # (m, 4) t_s, left, right, restarts
+    counts: F64  # (m, 5) t_s, left, right, restarts, unpowered
 
     def save(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -73,7 +74,7 @@ class Log:
         self.rows.append((now_s, q_from_R(R), rate, accel, world.pose(now_s), steel))
 
     def note(self, counts: WheelCounts) -> None:
-        self.counts.append((counts.t_s, counts.left, counts.right, float(counts.restarts)))
+        self.counts.append(tuple(map(float, msgspec.structs.astuple(counts))))
 
     def drive(self) -> Drive:
         t_s, q, rates, accels, poses, steels = map(np.array, zip(*self.rows, strict=True))

@@ -137,7 +137,7 @@ def test_a_restart_in_the_middle_of_polling_is_a_new_zero(mode: Stored, boot_s: 
     assert bench.state == "running"
     assert before.restarts == 0
     by_radio = mode == "rc"  # which may have driven meanwhile
-    assert {counts.restarts for counts in after} == {2 if by_radio else 1}
+    assert {(counts.restarts, counts.unpowered) for counts in after} == {(1, not by_radio)}
     check_travel(after, 800.0, 5)
 
 
@@ -150,7 +150,8 @@ def test_a_restart_into_radio_mode_is_told_where_it_may_not_be_taken_over() -> N
     bench.run(2.0)
     assert (bench.state, bench.cause) == ("starting", IN_RC_MODE)
     bench.fake.mode = "rs232"
-    assert bench.run(3.0)[-1].restarts == 2
+    newest = bench.run(3.0)[-1]
+    assert (newest.restarts, newest.unpowered) == (1, False)
 
 
 # ---- faults of the line

@@ -38,7 +38,7 @@ from wiring import (
 if TYPE_CHECKING:
     from beside import Work
     from core.objects.seen import Seen as Frame
-    from core.paths.planned import Planned
+    from core.paths.cleaning.planned import Planned
 
 __all__ = ["App", "Ports", "warm_kernels"]
 

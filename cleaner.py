@@ -17,11 +17,11 @@ from beside import Work
 from core.coverage_settings import CoverageSettings
 from core.driving.control import Barred
 from core.mapping.mapper import Mapper
-from core.paths.planned import Place, Planned, Progress
+from core.paths.cleaning.planned import Place, Planned, Progress
 from core.records import PathReport
 
 if TYPE_CHECKING:
-    from core.paths.live import LiveCleaning  # polygons: not for a replay
+    from core.paths.cleaning.live import LiveCleaning  # polygons: not for a replay
 
 STEP_S = 0.1  # places and paths are looked at so often
 ASK_S = 0.25  # from one call to the thread to the next
@@ -154,7 +154,7 @@ class Cleaner:
         wants = self._wanted(now_s, frames)
         if not wants and now_s - self._asked_s < ASK_S:
             return
-        from core.paths.live import Request  # polygons: not for a replay
+        from core.paths.cleaning.live import Request  # polygons: not for a replay
 
         if wants or self.goal != "wait":
             self._asked_s = now_s

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from beside import Work
     from cleaner import Cleaner
     from core.objects.seen import Seen
-    from core.paths.planned import Planned
+    from core.paths.cleaning.planned import Planned
     from hw.modbus.image import RegisterImage
     from perception import Perception
 
@@ -271,7 +271,7 @@ def maybe_cleaner(
 
     live = None
     if perception.look is not None:
-        from core.paths.live import LiveCleaning  # polygons: not for a replay
+        from core.paths.cleaning.live import LiveCleaning  # polygons: not for a replay
 
         live = LiveCleaning(config.coverage, config.robot.start_clear_m)
         perception.look.tell = live.see

@@ -3,7 +3,7 @@
 import msgspec
 import numpy as np
 
-from core.paths.planned import Planned
+from core.paths.cleaning.planned import Planned
 from core.records import PathSegment
 from recording.records import RecordingError
 

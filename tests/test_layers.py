@@ -158,6 +158,8 @@ def test_in_core_nobody_imports_what_stands_above_him() -> None:
     faults += [fault for low in maps for fault in wrong(low, *POLYGONS)]
     faults += wrong("core.objects", *maps[2:], "core.paths")
     faults += wrong("core.paths", *maps, "core.objects")
+    paths = [f"core.paths.{room}" for room in ("geometry", "coverage", "cleaning")]
+    faults += wrong(paths[0], *paths[1:]) + wrong(paths[1], paths[2])
     assert faults == []
 
 

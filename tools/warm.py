@@ -34,7 +34,7 @@ def warm_world() -> None:
 def warm_paths() -> None:
     import shapely
 
-    from core.paths.coverage import plan_coverage
+    from core.paths.coverage.plan import plan_coverage
     from core.paths.records import Machine
 
     hall = shapely.box(0.0, 0.0, 3.0, 2.0) - shapely.box(1.3, 0.5, 1.5, 2.0)

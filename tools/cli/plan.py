@@ -18,7 +18,7 @@ from tools.cli.options import fail, number_in, parser_of, value_of
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon
 
-    from core.paths.measures import Measures
+    from core.paths.coverage.measures import Measures
     from core.paths.records import Machine
     from tools.floorplans.records import FloorPlan
 
@@ -133,8 +133,8 @@ def rings_of(areas: "MultiPolygon") -> list[list[Any]]:
 
 def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> None:
     """Raises FloorError, OSError."""
-    from core.paths.coverage import plan_coverage
-    from core.paths.measures import Motion, measures
+    from core.paths.coverage.measures import Motion, measures
+    from core.paths.coverage.plan import plan_coverage
     from tools.floorplans.geojson import plan_as_geojson
     from tools.floorplans.picture import MISSED, REACHED, drawn
 
@@ -191,8 +191,8 @@ def lines_of(told: "Measures") -> list[str]:
 
 def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> int:
     """A way from A to B. Raises FloorError, OSError."""
+    from core.paths.geometry.ways import NoWay, find_way
     from core.paths.records import Segment
-    from core.paths.ways import NoWay, find_way
     from tools.floorplans.geojson import way_as_geojson
     from tools.floorplans.picture import drawn
 
@@ -242,8 +242,8 @@ def main(given: list[str] | None = None) -> int:
         return fail("plan", NOT_INSTALLED)
     if options.is_drawing and importlib.util.find_spec("ezdxf") is None:
         return fail("plan", NO_DXF)
+    from core.paths.geometry.space import FloorError
     from core.paths.records import Machine
-    from core.paths.space import FloorError
     from tools.floorplans.plan_file import load_plan
     from tools.floorplans.records import PlanFileError
 

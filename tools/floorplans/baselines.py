@@ -5,10 +5,10 @@ import math
 import numpy as np
 import shapely
 
+from core.paths.geometry.rings import joined
+from core.paths.geometry.space import largest, narrowed, polygons_in
+from core.paths.geometry.visibility import VisibilityGraph
 from core.paths.records import Machine, Segment
-from core.paths.rings import joined
-from core.paths.space import largest, narrowed, polygons_in
-from core.paths.visibility import VisibilityGraph
 from core.records import F64
 
 

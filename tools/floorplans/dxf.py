@@ -23,7 +23,7 @@ from ezdxf.enums import InsertUnits
 from ezdxf.lldxf.const import DXFError
 from shapely import LineString
 
-from core.paths.space import repaired
+from core.paths.geometry.space import repaired
 from core.records import F64
 from tools.floorplans.geojson import WALL_M
 from tools.floorplans.records import MOST_BYTES, MOST_M, FloorPlan, PlanFileError

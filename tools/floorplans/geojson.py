@@ -10,8 +10,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from core.paths.geometry.space import repaired
 from core.paths.records import CoveragePlan
-from core.paths.space import repaired
 from core.records import F64
 from tools.floorplans.records import FloorPlan, Json, PlanFileError, list_at, number, shown
 

@@ -7,8 +7,8 @@ import shapely
 from PIL import Image, ImageDraw
 from shapely.geometry.base import BaseGeometry
 
+from core.paths.geometry.space import polygons_in
 from core.paths.records import Segment
-from core.paths.space import polygons_in
 from core.records import F64
 
 EDGE_PX, TEXT_PX, OVER = 12, 18, 2  # drawn so many times as large, then made smaller

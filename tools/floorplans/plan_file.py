@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from core.paths.space import FloorError
+from core.paths.geometry.space import FloorError
 from tools.floorplans.geojson import plan_from_geojson
 from tools.floorplans.records import MOST_BYTES, MOST_M, FloorPlan, Json, PlanFileError, shown
 from tools.floorplans.valetudo import plan_from_valetudo

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from core.paths.space import repaired
+from core.paths.geometry.space import repaired
 from core.records import F64
 
 MOST_BYTES = 64_000_000  # of a file

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import shapely
 
-from core.paths.coverage import plan_coverage
-from core.paths.measures import Motion, measures_of
+from core.paths.coverage.measures import Motion, measures_of
+from core.paths.coverage.plan import plan_coverage
 from core.paths.records import CoveragePlan, Machine, Segment
 from tools.docs.pictures import PICTURES, ROOT, record, with_neighbours
 from tools.floorplans.baselines import driven, other_planner, plain_rows
@@ -27,7 +27,12 @@ HEAD = """| floor plan | planner | covered % | ratio | travel m | planned in s |
 |---|---|---|---|---|---|---|
 """
 DRAWN, PICTURE = "d9_clutter", "coverage-d9.png"
-OF = [*with_neighbours("core/paths/coverage.py"), "tools/floorplans/picture.py"]
+OF = [
+    *with_neighbours("core/paths/coverage/plan.py"),
+    *with_neighbours("core/paths/geometry/ways.py"),
+    "core/paths/records.py",
+    "tools/floorplans/picture.py",
+]
 
 
 def ours(plan: FloorPlan) -> CoveragePlan:

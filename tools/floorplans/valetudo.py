@@ -11,7 +11,7 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.space import repaired
+from core.paths.geometry.space import repaired
 from core.records import F64
 from tools.floorplans.records import (
     FloorPlan,

@@ -99,7 +99,7 @@ TARGETS = {
         "floor plans: GeoJSON, Valetudo",
         plans.run,
         plans.write_seeds,
-        ["tools.floorplans", "core.paths.space"],
+        ["tools.floorplans", "core.paths.geometry.space"],
         "shapely",
     ),
     "page": Target(

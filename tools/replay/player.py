@@ -17,7 +17,7 @@ from beside import Replayed
 from config_file import load_config
 from core.config import Config
 from core.objects.seen import Seen
-from core.paths.planned import Planned
+from core.paths.cleaning.planned import Planned
 from core.saved.encoding import StateError, arrays_from_bytes
 from core.saved.state import restore
 from recording.frames import seen_from_bytes

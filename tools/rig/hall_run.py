@@ -19,10 +19,10 @@ from core.objects.frame.steps import CameraPose, FrameSteps
 from core.objects.records import Floats
 from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import ObjectMap
-from core.paths.cleaning import TURN_RAD, Cleaning, CleaningSettings, Place, Task
+from core.paths.cleaning.cleaning import TURN_RAD, Cleaning, CleaningSettings, Place, Task
+from core.paths.geometry.rings import joined
+from core.paths.geometry.space import polygons_in
 from core.paths.records import Machine
-from core.paths.rings import joined
-from core.paths.space import polygons_in
 from core.records import F64, DepthCamera, DepthImage
 from fakes.ax3500.device import FakeAx3500
 from fakes.scenes.halls import Hall

@@ -9,10 +9,10 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.coverage import space_at
-from core.paths.measures import swept_by
+from core.paths.coverage.measures import swept_by
+from core.paths.coverage.plan import space_at
+from core.paths.geometry.space import grown, polygons_in
 from core.paths.records import Machine
-from core.paths.space import grown, polygons_in
 from core.records import F64
 from fakes.scenes.halls import Hall
 from fakes.scenes.movers import Mover

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.paths.rings import length_of
+from core.paths.geometry.rings import length_of
 from tests import VECTORS
 from tools.floorplans.plan_file import load_plan
 from tools.floorplans.records import PlanFileError

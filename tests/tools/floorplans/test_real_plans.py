@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from core.paths.coverage import plan_coverage
-from core.paths.measures import measures
+from core.paths.coverage.measures import measures
+from core.paths.coverage.plan import plan_coverage
 from tests import VECTORS
 from tests.support.cases import few
 from tools.floorplans.plan_file import load_plan

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from core.paths.cleaning import Cleaning, CleaningSettings, Place, Task
-from core.paths.measures import swept_by
+from core.paths.cleaning.cleaning import Cleaning, CleaningSettings, Place, Task
+from core.paths.coverage.measures import swept_by
 from core.paths.records import Machine
 
 MACHINE = Machine(radius_m=0.35, clearance_m=0.03, width_m=0.6, overlap_m=0.03)

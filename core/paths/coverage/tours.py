@@ -7,12 +7,12 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from core.paths.order import Tour
-from core.paths.patches import nearest_in
-from core.paths.rings import joined, length_of
-from core.paths.space import largest, polygons_in
-from core.paths.sweep import Piece
-from core.paths.visibility import VisibilityGraph
+from core.paths.coverage.order import Tour
+from core.paths.coverage.patches import nearest_in
+from core.paths.coverage.sweep import Piece
+from core.paths.geometry.rings import joined, length_of
+from core.paths.geometry.space import largest, polygons_in
+from core.paths.geometry.visibility import VisibilityGraph
 from core.records import F64
 
 COARSE_M = 0.004  # ways between pieces bend at corners that are so far off, which are fewer

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.coverage import plan_coverage
-from core.paths.measures import Motion, measures, swept_by
+from core.paths.coverage.measures import Motion, measures, swept_by
+from core.paths.coverage.plan import plan_coverage
+from core.paths.geometry.rings import joined
+from core.paths.geometry.space import FloorError, repaired
 from core.paths.records import CoveragePlan, Machine
-from core.paths.rings import joined
-from core.paths.space import FloorError, repaired
 from core.records import F64
 from tests.core.paths.floors import KINDS, VACUUM
 from tests.support.cases import examples

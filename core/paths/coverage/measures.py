@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from core.paths.geometry.rings import joined, length_of
 from core.paths.records import CoveragePlan, Machine, Segment
-from core.paths.rings import joined, length_of
 from core.records import F64
 
 ROUND = 16  # segments of a quarter circle of the band; inside the true one, so too little counts

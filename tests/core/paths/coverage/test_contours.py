@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import shapely
 
-from core.paths.contours import contour_pieces, contours_of
-from core.paths.raster import Raster
+from core.paths.coverage.contours import contour_pieces, contours_of
+from core.paths.coverage.raster import Raster
 from core.paths.records import Machine
 
 MACHINE = Machine(radius_m=0.2, clearance_m=0.0, width_m=0.4, overlap_m=0.1)

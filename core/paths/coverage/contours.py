@@ -12,12 +12,12 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.measures import swept_by
-from core.paths.raster import NONE, Raster, edges_along
+from core.paths.coverage.measures import swept_by
+from core.paths.coverage.raster import NONE, Raster, edges_along
+from core.paths.coverage.sweep import Piece, Sweeper
+from core.paths.geometry.rings import Ring, length_of
+from core.paths.geometry.space import grown, opened, polygons_in
 from core.paths.records import Machine
-from core.paths.rings import Ring, length_of
-from core.paths.space import grown, opened, polygons_in
-from core.paths.sweep import Piece, Sweeper
 from core.records import F64
 
 ENTRIES = 8  # places at most at which a contour may be begun and left

@@ -9,11 +9,11 @@ import math
 
 import numpy as np
 
-from core.paths.patches import stations
-from core.paths.raster import NONE, Raster, edges_along
-from core.paths.refine_kernels import cheapest_detour, relocate, shift, shorten, uncross
-from core.paths.rings import joined, length_of
-from core.paths.visibility import VisibilityGraph
+from core.paths.coverage.patches import stations
+from core.paths.coverage.raster import NONE, Raster, edges_along
+from core.paths.coverage.refine_kernels import cheapest_detour, relocate, shift, shorten, uncross
+from core.paths.geometry.rings import joined, length_of
+from core.paths.geometry.visibility import VisibilityGraph
 from core.records import F64
 
 ROUNDS, DEAR = 2, 0.1  # of all changes at each price; at higher prices one

@@ -9,8 +9,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from core.paths.raster_kernels import I32, Bools, count_edge
-from core.paths.sight_kernels import WallEdges, meets_wall
+from core.paths.coverage.raster_kernels import I32, Bools, count_edge
+from core.paths.geometry.sight_kernels import WallEdges, meets_wall
 from core.records import F64
 from jit import kernel, releasing_kernel
 

@@ -8,9 +8,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from core.paths.rings import length_of
-from core.paths.space import narrowed, polygons_in
-from core.paths.ways import NoWay, Way, find_way, radius_of
+from core.paths.geometry.rings import length_of
+from core.paths.geometry.space import narrowed, polygons_in
+from core.paths.geometry.ways import NoWay, Way, find_way, radius_of
 from tests.core.paths.floors import KINDS
 
 TWO = [shapely.box(0, 0, 2, 2), shapely.box(3, 0, 5, 2)]

@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 
 from config_file import load_config
-from core.paths.live import LiveCleaning, Request
-from core.paths.planned import Planned, Progress
+from core.paths.cleaning.live import LiveCleaning, Request
+from core.paths.cleaning.planned import Planned, Progress
 from core.records import F64, FloorView, PathSegment
 from recording.plans import bytes_from_planned, planned_from_bytes
 from tests import ROOT

@@ -7,10 +7,10 @@ import numpy as np
 import shapely
 from shapely import LinearRing, Polygon
 
-from core.paths.raster import NONE, Raster, edges_along
-from core.paths.rings import Ring, Walls, joined, length_of
-from core.paths.scan import INSIDE_M, Cell, cells_of, edges_of, lane_at, lane_heights
-from core.paths.space import polygons_in
+from core.paths.coverage.raster import NONE, Raster, edges_along
+from core.paths.coverage.scan import INSIDE_M, Cell, cells_of, edges_of, lane_at, lane_heights
+from core.paths.geometry.rings import Ring, Walls, joined, length_of
+from core.paths.geometry.space import polygons_in
 from core.records import F64
 
 LONGEST = 3.0  # a turn along a wall may be that many times the straight line, and a lane more

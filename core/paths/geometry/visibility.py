@@ -13,7 +13,7 @@ import numpy.typing as npt
 import shapely
 from shapely import Polygon
 
-from core.paths.sight_kernels import WallEdges, lines_of_sight, through_all
+from core.paths.geometry.sight_kernels import WallEdges, lines_of_sight, through_all
 from core.records import F64
 
 MOST_STRIPS = 200

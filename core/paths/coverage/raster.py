@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from shapely import Polygon
 
-from core.paths.raster_kernels import exchange
-from core.paths.scan import edges_of, spans_at
+from core.paths.coverage.raster_kernels import exchange
+from core.paths.coverage.scan import edges_of, spans_at
 from core.records import F64
 
 COARSE, FINE = 12, 18  # cells across the band, at least; and at most, on small floors

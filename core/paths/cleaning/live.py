@@ -14,8 +14,8 @@ import shapely
 from shapely import Polygon
 
 from core.coverage_settings import CoverageSettings
-from core.paths.cleaning import Cleaning, CleaningSettings, Task
-from core.paths.planned import Place, Planned
+from core.paths.cleaning.cleaning import Cleaning, CleaningSettings, Task
+from core.paths.cleaning.planned import Place, Planned
 from core.paths.records import Machine
 from core.records import F64, FloorView, PathSegment
 

@@ -11,9 +11,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.rings import length_of
-from core.paths.space import narrowed, polygons_in, repaired
-from core.paths.visibility import VisibilityGraph
+from core.paths.geometry.rings import length_of
+from core.paths.geometry.space import narrowed, polygons_in, repaired
+from core.paths.geometry.visibility import VisibilityGraph
 from core.records import F64
 
 STEPS = 20  # halvings in the search for the widest gap

@@ -13,17 +13,17 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.contours import contour_pieces
-from core.paths.measures import band_of
-from core.paths.patches import nearest_in, wall_strokes
-from core.paths.raster import NONE, Raster, edges_along
+from core.paths.coverage.contours import contour_pieces
+from core.paths.coverage.measures import band_of
+from core.paths.coverage.patches import nearest_in, wall_strokes
+from core.paths.coverage.raster import NONE, Raster, edges_along
+from core.paths.coverage.refine import Refiner, modes_of
+from core.paths.coverage.sweep import QUARTER, Piece, Sweeper, rotated, turned
+from core.paths.coverage.tours import graph_of, linked, ordered, snapped
+from core.paths.geometry.rings import Walls, length_of
+from core.paths.geometry.space import FloorError, grown, largest, narrowed, polygons_in, repaired
+from core.paths.geometry.visibility import VisibilityGraph
 from core.paths.records import CoveragePlan, Kind, Machine, Segment
-from core.paths.refine import Refiner, modes_of
-from core.paths.rings import Walls, length_of
-from core.paths.space import FloorError, grown, largest, narrowed, polygons_in, repaired
-from core.paths.sweep import QUARTER, Piece, Sweeper, rotated, turned
-from core.paths.tours import graph_of, linked, ordered, snapped
-from core.paths.visibility import VisibilityGraph
 from core.records import F64
 
 STROKE = (

@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from core.paths.seen_floor import SeenFloor
+from core.paths.cleaning.seen_floor import SeenFloor
 
 CELL_M, LEAST = 0.05, 2
 random = np.random.default_rng(5)

@@ -16,8 +16,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.coverage import plan_coverage, space_at
-from core.paths.frontiers import (
+from core.paths.cleaning.frontiers import (
     FEW_CELLS,
     LEAST_CELLS,
     Block,
@@ -25,10 +24,11 @@ from core.paths.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
+from core.paths.cleaning.seen_floor import SeenFloor
+from core.paths.coverage.plan import plan_coverage, space_at
+from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
+from core.paths.geometry.visibility import VisibilityGraph
 from core.paths.records import Machine, Segment
-from core.paths.seen_floor import SeenFloor
-from core.paths.space import FloorError, grown, narrowed, polygons_in
-from core.paths.visibility import VisibilityGraph
 from core.records import F64
 
 Goal = Literal["look", "sweep", "home", "wait", "done", "stuck"]

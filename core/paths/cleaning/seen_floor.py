@@ -15,7 +15,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.space import polygons_in
+from core.paths.geometry.space import polygons_in
 from core.records import F64
 from jit import kernel
 

@@ -14,7 +14,7 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.seen_floor import Mask, SeenFloor
+from core.paths.cleaning.seen_floor import Mask, SeenFloor
 from core.records import F64
 from jit import allocating_kernel
 

@@ -4,8 +4,8 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from core.paths.rings import Walls
-from core.paths.visibility import VisibilityGraph
+from core.paths.geometry.rings import Walls
+from core.paths.geometry.visibility import VisibilityGraph
 from core.records import F64
 
 

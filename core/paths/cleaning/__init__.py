@@ -1,0 +1,1 @@
+"""Sweeping a floor that nobody knows, beside the loop."""

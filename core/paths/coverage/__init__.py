@@ -1,0 +1,1 @@
+"""A path that sweeps a known floor."""

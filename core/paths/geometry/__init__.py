@@ -1,0 +1,1 @@
+"""Where a machine's centre may be, and the shortest ways there."""

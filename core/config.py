@@ -92,6 +92,9 @@ def _bring_up_to_date(table: dict[str, Any]) -> list[str]:
             if value not in ("mean", "kalman"):
                 raise ConfigError(f"map.cell_value: must be 'mean' or 'kalman', is {shown(value)}")
             changed.append("map.cell_value: is gone, every cell is filtered")
+        if "filter_heights" not in keys:
+            keys["filter_heights"] = False
+            changed.append("map.filter_heights: is new, false is what there was before")
     if "motion" not in table:
         table["motion"] = {"source": "wheels"}
         changed.append('motion.source: is new, "wheels" is what there was before')

@@ -13,6 +13,7 @@ class Map(Struct, frozen=True, forbid_unknown_fields=True):
     method: Method
     cells: Annotated[int, Meta(ge=3, le=2001)]
     cell_m: Annotated[float, Meta(ge=0.005, le=1)]
+    filter_heights: bool
 
 
 class Certainty(Struct, frozen=True, forbid_unknown_fields=True):

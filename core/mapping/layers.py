@@ -18,6 +18,7 @@ from core.mapping.footing import FOOTING, USUAL, Footing, Ground, cells_within, 
 from core.mapping.surface.cells import Cells
 from core.mapping.surface.constants import LIKELY
 from core.mapping.surface.fill import WAYS, fill
+from core.mapping.surface.upper import Uppers, ground_m, heights_m
 from core.mapping.terrain import F32, JUDGED, around, terrain_of
 from core.records import F64, I64, UNKNOWN
 from jit import with_fields
@@ -125,17 +126,16 @@ def _maybe_footing(maps: Layered, name: str, footing: Footing) -> RingLayer | No
 
 
 def _maybe_filled(maps: Layered, name: str) -> RingLayer | None:
-    grid, variance = maps.maybe_ground_grid(), maps.maybe_ring("variance")
-    if grid is None or variance is None:
+    grid, z, variance = maps.maybe_ground_grid(), maps.maybe_ring("z"), maps.maybe_ring("variance")
+    if grid is None or z is None or variance is None:
         return None
 
     def told(at: I64) -> F64:
         ground = maps.filled_at(at)
-        z_m, sigma_m = ground.z_m.ravel()[at], ground.sigma_m.ravel()[at]
-        if name == "filled":
-            return z_m
-        measured_m = np.sqrt(variance[1](at))
-        return np.where(np.isnan(z_m), np.nan, np.where(sigma_m > 0.0, sigma_m, measured_m))
+        filled = {"filled": ground.z_m, "filled_sigma": ground.sigma_m}[name].ravel()[at]
+        is_filled, is_told = ground.sigma_m.ravel()[at] > 0.0, ~np.isnan(ground.z_m.ravel()[at])
+        measured = z[1](at) if name == "filled" else np.sqrt(variance[1](at))
+        return np.where(is_filled, filled, np.where(is_told, measured, np.nan))
 
     return grid, told
 
@@ -162,28 +162,13 @@ def maybe_values(
     return None if ring is None else at_cells(ring[0], i, j, ring[1])
 
 
-def heights_of(cells: Cells, static_rad: F64) -> F64:
-    """Of cells of method `surface`, map frame: what stands, else the ground; NaN: none.
-
-    static_rad (2,): what pitch and roll are always wrong by.
-    """
-    tilt_m = static_rad[0] * cells["arm_m"] + static_rad[1] * cells["aside_m"]
-    return np.asarray(cells["ground_m"] - tilt_m + _over_ground_m(cells))
-
-
-def _over_ground_m(cells: Cells) -> F64:
-    """Of such cells: how high what stands is, 0 where floor was seen, NaN elsewhere."""
-    top_m, floor = cells["top_m"], np.where(cells["looks"] > 0, 0.0, np.nan)
-    return np.where((cells["stands"] > 0.0) & np.isfinite(top_m), top_m, floor)
-
-
 def surface_ground(cells: Cells, static_rad: F64, grid: RingGrid, at: I64) -> Ground:
-    """What feet may stand on, of method `surface`, as `heights_of`; nothing where it is soft.
+    """What feet may stand on, of method `surface`: the highest return; nothing where it is soft.
 
     Of the cells at flat indices (n,); NaN elsewhere.
     """
     of, (z_m, low_m) = cells.reshape(-1)[at], np.full((2, cells.size), np.nan)
-    z_m[at] = np.where(_is_soft(of), np.nan, heights_of(of, static_rad))
+    z_m[at] = np.where(_is_soft(of), np.nan, heights_m(of, None, static_rad)[0])
     low_m[at] = z_m[at] + np.minimum(0.0, of["under_m"])
     measured = np.zeros(cells.shape)
     return Ground(grid, z_m.reshape(cells.shape), low_m.reshape(cells.shape), measured)
@@ -209,27 +194,31 @@ def _relief_m(cells: Cells, cell_m: float) -> F64:
 
 
 def maybe_surface_ring(
-    name: str, cells: Cells, static_rad: F64, grid: RingGrid
+    name: str, cells: Cells, uppers: Uppers | None, static_rad: F64, grid: RingGrid
 ) -> RingLayer | None:
-    """A layer of method `surface`, as `heights_of`, worked out where asked; none: no such one."""
+    """A layer of method `surface`, worked out where asked; none: no such one."""
     cells = cells.reshape(-1)
+
+    def heights_at(at: I64) -> tuple[F64, F64]:
+        return heights_m(cells[at], None if uppers is None else uppers[at], static_rad)
 
     def told(at: I64) -> F64:
         of = cells[at]
         if name in JUDGED and name != "slope":
             near = around(grid, at)
-            z_m = np.where(near >= 0, heights_of(cells[np.maximum(near, 0)], static_rad), np.nan)
+            z_m = np.where(near >= 0, heights_at(np.maximum(near, 0))[0], np.nan)
             judged = terrain_of(z_m, _relief_m(of, grid.cell_m), grid.cell_m)
             return np.asarray(judged[JUDGED.index(name)], float)
         if name == "z":
-            return heights_of(of, static_rad)
+            return heights_at(at)[0]
         if name == "slope":
             steep = np.arctan(np.hypot(of["slope_x"], of["slope_y"]))
             return np.where(of["looks"] > 0, steep, np.nan)
-        height_m = _over_ground_m(of)
-        if name == "height":
-            return height_m
-        value = of["var_m2"] if name == "variance" else _is_soft(of)
-        return np.where(np.isnan(height_m), np.nan, value)
+        z_m, var_m2 = heights_at(at)
+        if name == "variance":
+            return var_m2
+        is_guess = (of["looks"] == 0) & ~(of["stands"] > 0.0)  # of the ground below
+        value = z_m - ground_m(of, static_rad) if name == "height" else _is_soft(of)
+        return np.where(is_guess | np.isnan(z_m), np.nan, value)
 
     return (grid, told) if name in SURFACE else None

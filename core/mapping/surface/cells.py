@@ -112,6 +112,7 @@ class Surface(NamedTuple):
     touched: Touched
     planes: Records  # (PLANES * PLANES,)
     now: Records  # (1,) of NOW
+    uppers: Records  # (cells,) of `upper.UPPER`, or none: see there
 
 
 class Plane(NamedTuple):

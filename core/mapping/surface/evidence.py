@@ -50,6 +50,8 @@ def vote(at: int, say: float, surface: Surface) -> None:
     touched.said[slot] = cell.stands - before
     if before > CLEAR >= cell.stands and cell.top_m > -math.inf:
         cell.low_m, cell.top_m, cell.soft = math.inf, -math.inf, 0.0
+        if surface.uppers.size > 0:
+            surface.uppers[at].var_m2 = math.inf
 
 
 @kernel

@@ -30,6 +30,7 @@ from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_witnesses, hold
+from core.mapping.surface.upper import BLANK_UPPER, UPPER, Uppers, heights_m, see_uppers
 from core.motion.attitude import AttitudeRing
 from core.motion.track import Track
 from core.records import F64, I32, I64, U8, UNKNOWN, PointSweep, Scan
@@ -68,11 +69,13 @@ def take_sweep(
     find_witnesses(first, surface)
     set_right(first.returns, passed_s, surface, room)
     end_beams(first, surface)
+    see_uppers(first.returns, surface)
     if behind.returns.size > 0:
         count += hold(behind, surface)
         find_faces(behind.returns, surface.limits.is_plane)
         set_right(behind.returns, passed_s, surface, room)
         end_beams(behind, surface)
+        see_uppers(behind.returns, surface)
     follow_beams(first, surface, room.places)
     spread_ties(surface)
     return count, decide_cells(touched.at[: touched.used[0]], surface, shown, used)
@@ -130,6 +133,9 @@ class SurfaceMaps:
         self._geometry = BeamGeometry.of(scanner)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
         self.cells: cells.Cells = self.grid.layer(CELL, cells.BLANK)
+        self._maybe_uppers: Uppers | None = None
+        if config.map.filter_heights:
+            self._maybe_uppers = self.grid.layer(UPPER, BLANK_UPPER)
         self.window = ObstacleWindow(window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
@@ -137,6 +143,7 @@ class SurfaceMaps:
         self._limits = limits_of(config, are_pictures)
         self._stood: BodyPose | None = None  # where its map began, until it moves
         self._moved = False
+        flat = self._flat_uppers()
         self._surface = Surface(
             cells=with_fields(self.cells.reshape(-1)),
             tall=self.grid.layer(np.uint8, 0).reshape(-1),
@@ -150,6 +157,7 @@ class SurfaceMaps:
             touched=Touched.none(self.cells.size),
             planes=records(cells.PLANE, cells.PLANES * cells.PLANES),
             now=records(cells.NOW),
+            uppers=records(UPPER, 0) if flat is None else with_fields(flat),
         )
         self._returns = [records(RETURN, beams) for _ in range(2)]
         for echo in self._returns:
@@ -232,7 +240,11 @@ class SurfaceMaps:
 
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
-        return layers.heights_of(self.cells, self.static_rad)
+        cells, uppers = self.cells.reshape(-1), self._flat_uppers()
+        return heights_m(cells, uppers, self.static_rad)[0].reshape(self.cells.shape)
+
+    def _flat_uppers(self) -> Uppers | None:
+        return None if self._maybe_uppers is None else self._maybe_uppers.reshape(-1)
 
     def ages_s(self, i: I64, j: I64) -> F64:
         """Seconds (n,) since world cells were met, passed or stood on; NaN: never, or outside."""
@@ -241,7 +253,8 @@ class SurfaceMaps:
 
     def maybe_ring(self, name: str) -> layers.RingLayer | None:
         """A layer by its name; none where there is none."""
-        return layers.maybe_surface_ring(name, self.cells, self.static_rad, self.grid)
+        uppers = self._flat_uppers()
+        return layers.maybe_surface_ring(name, self.cells, uppers, self.static_rad, self.grid)
 
     def maybe_ground_grid(self) -> RingGrid:
         """That of the cells."""

@@ -43,7 +43,7 @@ class Ground:
 
     def ring(self, name: str) -> F64:
         """A layer (SIZE, SIZE), a ring as the cells."""
-        found = maybe_surface_ring(name, self.cells, np.zeros(2), self.grid)
+        found = maybe_surface_ring(name, self.cells, None, np.zeros(2), self.grid)
         assert found is not None
         return found[1](np.arange(SIZE * SIZE)).reshape(SIZE, SIZE)
 
@@ -160,7 +160,7 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     cell = ground.put(i, j, 0.4, 0.1, var_m2=0.01, soft=LIKELY, under_m=-0.2)
     expected = {"height": 0.1, "variance": 0.01, "z": 0.4, "step": 0.3, "soft": 1}
     for name in UNITS.keys() - {"state", *FOOTING, *FILL}:
-        found = maybe_surface_ring(name, ground.cells, np.zeros(2), grid)
+        found = maybe_surface_ring(name, ground.cells, None, np.zeros(2), grid)
         assert found is not None
         view = view_of(name, *found)
         assert view.name == name
@@ -173,4 +173,4 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     assert np.isfinite(ground.cells["var_m2"]).sum() == 1
     cell["soft"] = 0.0
     assert np.nanmax(ground.ring("soft")) == 0
-    assert maybe_surface_ring("colour", ground.cells, np.zeros(2), grid) is None
+    assert maybe_surface_ring("colour", ground.cells, None, np.zeros(2), grid) is None

@@ -23,6 +23,7 @@ from core.mapping.surface.cells import (
 )
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.sweep import RETURN, Beams
+from core.mapping.surface.upper import BLANK_UPPER, UPPER, see_uppers
 from core.records import F64
 from jit import Records, records
 
@@ -87,7 +88,15 @@ class GroundCells:
             touched=self.touched,
             planes=records(PLANE, PLANES * PLANES),
             now=records(NOW),
+            uppers=records(UPPER, 0),
         )
+
+    def filter_heights(self) -> Records:
+        """Keep upper surfaces from now on: one for each cell."""
+        uppers = records(UPPER, self.cells.size)
+        uppers[:] = BLANK_UPPER
+        self.surface = self.surface._replace(uppers=uppers)
+        return uppers
 
     def at(self, i: int, j: int) -> int:
         """Flat index of a world cell."""
@@ -124,8 +133,7 @@ def met(
     beam = np.array([[1.0, 0.0, -0.14]])
     lens = np.array([[x_m - 5.0, 0.1, 0.7]])
     ground.touched.used[0] = 0
-    end_beams(
-        Beams(lens, beam, np.full((1, 1), 5.0), returns, 1e-5),
-        ground.surface._replace(stand=stand, limits=limits),
-    )
+    surface = ground.surface._replace(stand=stand, limits=limits)
+    end_beams(Beams(lens, beam, np.full((1, 1), 5.0), returns, 1e-5), surface)
+    see_uppers(returns, surface)
     return returns

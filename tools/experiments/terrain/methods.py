@@ -120,7 +120,7 @@ def settings_of(name: str, mount: Mount, gait: Gait, cell_m: float) -> Config:
             "mount_z_m": mount.height_m,
             "mount_tilt_deg": mount.tilt_deg,
         },
-        map={"method": method, "cells": CELLS, "cell_m": cell_m},
+        map={"method": method, "cells": CELLS, "cell_m": cell_m, "filter_heights": True},
         shadow_filter=_filter_before([method] if steps in FILTERED else []),
         obstacle={
             "h_pos_m": SMALLER * obstacle.h_pos_m,

@@ -1,0 +1,121 @@
+"""Heights of what stands, filtered over the returns that agree."""
+
+import math
+
+import numpy as np
+import pytest
+
+from core.grid.ring import RingGrid
+from core.mapping.layers import maybe_surface_ring
+from core.mapping.surface.constants import MOST
+from core.mapping.surface.evidence import vote
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, NONE
+from core.mapping.surface.upper import heights_m, see_uppers
+from jit import Records, records
+from tests.support.maps.ground_cells import NOISE_M2, GroundCells, met
+
+LEVEL = np.zeros(2)
+
+
+def told_m(ground: GroundCells, at: int, uppers: Records | None) -> tuple[float, float]:
+    some = None if uppers is None else uppers[[at]]
+    (height_m,), (var_m2,) = heights_m(ground.cells[[at]], some, LEVEL)
+    return float(height_m), float(var_m2)
+
+
+@pytest.mark.parametrize(
+    ("returns_m", "filtered_m", "below_m"),
+    [
+        ((0.50,), 0.50, 0.0),
+        ((0.50, 0.52, 0.51), 0.51, 0.0),  # their mean, and not the highest
+        ((0.50, 0.51, 0.20), 0.505, 0.305),  # a face of what two returns agree on
+        ((0.20, 0.50), 0.50, 0.30),  # both say that something stands: a face
+        ((0.20, 0.50, 0.51), 0.505, 0.30),
+    ],
+)
+def test_what_stands_is_as_high_as_returns_agree(
+    returns_m: tuple[float, ...], filtered_m: float, below_m: float
+) -> None:
+    ground = GroundCells()
+    uppers = ground.filter_heights()
+    at = ground.lay(2, 0, 0.0, looks=0, stands=0.0)
+    for z_m in returns_m:
+        assert met(ground, 20.0, 0.41, z_m)["kind"][0] == ABOVE
+    assert told_m(ground, at, uppers)[0] == pytest.approx(filtered_m, abs=1e-6)
+    assert uppers["below_m"][at] == pytest.approx(below_m)
+    assert ground.cells["top_m"][at] == pytest.approx(max(returns_m))  # by this it is decided
+    assert told_m(ground, at, None)[0] == pytest.approx(max(returns_m))
+
+
+def test_one_return_over_floor_leaves_the_height_unknown_until_another_agrees() -> None:
+    ground = GroundCells()
+    uppers = ground.filter_heights()
+    at = ground.lay(2, 0, 0.0)
+    told = [told_m(ground, at, uppers)]
+    for z_m in (0.50, 0.51):
+        ground.cells["stands"][at] = 0.5
+        met(ground, 20.0, 0.41, z_m)
+        told.append(told_m(ground, at, uppers))
+    floor_m2 = float(ground.cells["var_m2"][at])
+    wanted = [(0.0, floor_m2), (math.nan, math.nan), (0.505, NOISE_M2 / 2)]
+    np.testing.assert_allclose(told, wanted, atol=1e-6)
+
+
+def test_a_return_over_ground_that_is_a_guess_has_a_height_and_is_nothing_else() -> None:
+    ground = GroundCells()
+    uppers = ground.filter_heights()
+    at = ground.lay(2, 0, 0.0, looks=0, stands=0.0, var_m2=0.01)
+    assert met(ground, 20.0, 0.41, -0.05)["kind"][0] == NONE
+    told = {}
+    for name in ("z", "height", "variance"):
+        ring = maybe_surface_ring(name, ground.cells, uppers, LEVEL, RingGrid(41, 0.2))
+        assert ring is not None
+        [told[name]] = ring[1](np.array([at]))
+    assert told["z"] == pytest.approx(-0.05)
+    assert math.isnan(told["height"])
+    assert told["variance"] == pytest.approx(NOISE_M2)
+    assert ground.cells["stands"][at] == 0.0
+
+
+def test_what_has_gone_takes_its_height_along() -> None:
+    ground = GroundCells()
+    uppers = ground.filter_heights()
+    at = ground.lay(2, 0, 0.0, looks=0, stands=0.0)
+    met(ground, 20.0, 0.41, 0.5)
+    assert told_m(ground, at, uppers)[0] == pytest.approx(0.5)
+    ground.touched.used[0] = 0
+    vote(at, -2.0 * MOST, ground.surface)
+    assert math.isnan(told_m(ground, at, uppers)[0])
+    met(ground, 21.0, 0.41, 0.3)
+    assert told_m(ground, at, uppers)[0] == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("kind", [FLOOR, BELOW, HIGH])
+def test_floor_and_what_is_no_part_of_a_thing_tell_nothing(kind: int) -> None:
+    ground = GroundCells()
+    uppers = ground.filter_heights()
+    returns = records(met(ground, 20.0, 0.41, 0.5).dtype, 2)
+    returns["kind"], returns["at"] = kind, (ground.at(3, 0), -1)
+    returns["kind"][1] = ABOVE  # outside of the map
+    before = uppers.copy()
+    see_uppers(returns, ground.surface)
+    assert (uppers == before).all()
+
+
+def test_what_the_attitude_is_always_wrong_by_is_taken_out_as_it_is_read() -> None:
+    ground = GroundCells()
+    uppers = ground.filter_heights()
+    ground.own[3:] = 0.01, -0.02
+    at = ground.lay(2, 0, 0.0, looks=0, stands=0.0)
+    met(ground, 20.0, 0.41, 0.5)  # 5 m ahead
+    told = [
+        heights_m(ground.cells[[at]], uppers[[at]], np.array(s)) for s in ((0.01, -0.02), (0, 0))
+    ]
+    assert told[0][0] == pytest.approx(0.5)
+    assert told[1][0] == pytest.approx(0.5 + 0.01 * 5.0)
+
+
+def test_without_the_setting_nothing_is_kept() -> None:
+    ground = GroundCells()
+    met(ground, 20.0, 0.41, 0.5)
+    assert ground.surface.uppers.size == 0

@@ -58,11 +58,6 @@ class NoWay:
         )
 
 
-def radius_of(footprint: F64) -> float:
-    """Of the circle about (0, 0), where the machine turns, round a footprint (n, 2)."""
-    return float(np.hypot(*footprint.T).max())
-
-
 def find_way(floor: BaseGeometry, margin_m: float, start: Point, goal: Point) -> Way | NoWay:
     """The shortest way that keeps `margin_m` from everything that is no floor.
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from core.paths.geometry.rings import length_of
 from core.paths.geometry.space import narrowed, polygons_in
-from core.paths.geometry.ways import NoWay, Way, find_way, radius_of
+from core.paths.geometry.ways import NoWay, Way, find_way
 from tests.core.paths.floors import KINDS
 
 TWO = [shapely.box(0, 0, 2, 2), shapely.box(3, 0, 5, 2)]
@@ -128,9 +128,3 @@ def test_the_gap_is_measured_and_found() -> None:
     assert found.needed_m == 0.4
     assert found.there_m == pytest.approx(0.25, abs=0.002)
     assert 1.9 < found.place[0] < 3.1
-
-
-def test_a_footprint_counts_by_its_farthest_corner_from_where_it_turns() -> None:
-    assert radius_of(np.array([[0.3, 0.2], [-0.1, 0.2], [-0.1, -0.2], [0.3, -0.2]])) == (
-        pytest.approx(math.hypot(0.3, 0.2))
-    )

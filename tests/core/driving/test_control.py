@@ -326,6 +326,7 @@ def before_wall(robot: Robot, free_m: float) -> Pose:
 
 def test_the_ground_that_is_vouched_for_shrinks_by_how_badly_its_middle_is_known() -> None:
     control = Robot(start_clear_m=1.5).control
+    assert control.clear == (0.0, 0.0, 1.5)
     control.off_start_m = 0.5
     assert control.clear == (0.0, 0.0, 1.0)
     for off_m in (2.0, math.inf):

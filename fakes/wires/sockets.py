@@ -6,6 +6,7 @@ it. Any other fake has one client at a time. Others are turned away. A wire wait
 reads no clock.
 """
 
+import select
 import socket
 from collections import deque
 
@@ -25,6 +26,13 @@ class Connection:
         self.guest, self.name, self.open = guest, name, True
         self.late, self.unsent = Late(), bytearray()
         self._socket = opened
+
+    @property
+    def has_left(self) -> bool:
+        """Whether the client has closed its end, whatever of it is still to be read."""
+        look = select.poll()
+        look.register(self._socket, select.POLLRDHUP)
+        return bool(look.poll(0))
 
     def receive(self) -> bytes:
         """What has come; the connection closes when the client has gone."""
@@ -89,6 +97,7 @@ class TcpWire(Disturbance):
         if not self._connections:  # time passes for the device all the same
             self._fake.exchange(now_s, b"")
         while not self.unplugged and (newcomer := self._maybe_newcomer()) is not None:
+            self._make_room(now_s)
             self._welcome(newcomer, now_s)
 
     def close(self) -> None:
@@ -112,6 +121,13 @@ class TcpWire(Disturbance):
                 connection.unsent += data
         if not self.unplugged:
             connection.send(self.chunk)
+
+    def _make_room(self, now_s: float) -> None:
+        """Take leave of those that left since they were served: a newcomer may be one of them."""
+        for connection in self._connections:
+            while connection.open and connection.has_left:
+                self._serve(connection, now_s)
+        self._bury(now_s)
 
     def _welcome(self, newcomer: socket.socket, now_s: float) -> None:
         name, guest = _name(newcomer), self._maybe_guest(now_s)

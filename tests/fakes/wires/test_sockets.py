@@ -82,6 +82,32 @@ def test_a_client_is_turned_away_until_the_first_has_left_and_a_cut_throws_all_o
     assert tcp.fake.clients == [0.0, 0.3, 0.7]
 
 
+@pytest.mark.parametrize("last_words", [b"", b"QT"])
+def test_a_tcp_client_that_leaves_and_is_back_within_a_step_finds_room(
+    tcp: Tcp, last_words: bytes
+) -> None:
+    back: list[socket.socket] = []
+
+    class Hasty(Talker):
+        """Its client acts in the middle of a step, as soon as it has heard enough."""
+
+        def exchange(self, now_s: float, received: bytes) -> bytes:
+            if not back:
+                tcp.client.sendall(last_words)
+                tcp.client.close()
+                back.append(connected(tcp.wire))
+            return super().exchange(now_s, received)
+
+    tcp.fake.__class__ = Hasty
+    until(lambda: tcp.wire.clients == 2, lambda: tcp.wire.step(1.0))
+    assert (tcp.wire.turned_away, tcp.fake.heard) == (0, last_words)
+    assert [news.split()[-1] for news in tcp.wire.news] == ["connected", "gone", "connected"]
+    with back[0]:
+        tcp.fake.says = b"welcome back"
+        tcp.wire.step(1.1)
+        assert back[0].recv(100) == b"welcome back"
+
+
 def test_a_tcp_client_that_resets_the_connection_harms_nothing(tcp: Tcp) -> None:
     tcp.client.close()
     for visit in range(1, 4):

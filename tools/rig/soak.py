@@ -6,8 +6,8 @@ The robot is driven about a hall at random, minute by minute with other faults o
 these are over, all inputs must be well again within a time, the receiver's map must be the app's to
 the cell, its numbers must add up, and the device clocks must stand where they stood. Memory must
 not grow. Nothing is judged of where the robot goes, over unknown ground, too: campaigns do that.
-One that is stuck, or has tipped over, is carried back to where it began and turned there, and its
-controller is switched off and on, as a person would do it.
+One that is stuck, wedged, or has tipped over, is carried back to where it began and turned there,
+and its controller is switched off and on, as a person would do it.
 """
 
 import argparse
@@ -25,6 +25,7 @@ import numpy as np
 
 from config_file import with_changes
 from core.mapping.method import MAX_SLOPE_RAD
+from core.motion.odometry import Odometry
 from core.records import Scan
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import load_scene
@@ -160,7 +161,7 @@ class Soak:
         rig.drive.counter_offset = (2**31 - BEFORE_COUNTS, -(2**31) + BEFORE_COUNTS)
         self.ends, self.results = Ends(), list[LegResult]()
         self.resets = 0  # of the controller, as by a person, where counters had stood still
-        self.carried = 0  # by a person, where it was stuck or lay
+        self.carried = 0  # by a person, where it was stuck, wedged or lay
         self.way_m, self._place = 0.0, self.world.pose()[:2]
         self._clocks: list[list[float]] = [[], []]  # of a leg: scanner, attitude sensor
         self._first_clocks: tuple[float, float] | None = None
@@ -181,6 +182,12 @@ class Soak:
         ways_m = [result.way_m for result in self.results[-STUCK_LEGS - 1 :]]
         return len(ways_m) > STUCK_LEGS and ways_m[-1] - ways_m[0] < STUCK_M
 
+    def _is_wedged(self) -> bool:
+        """Its wheels have turned, and it has not: the app waits for its gyro to turn."""
+        odometry = self.loop.app.mapper.odometry
+        assert isinstance(odometry, Odometry)
+        return odometry.wheels.ignored
+
     def _carry_home(self) -> None:
         self.world.carry_home()
         self._place = self.world.pose()[:2]
@@ -200,7 +207,8 @@ class Soak:
         self._recover(ended_s + RECOVERS_S)
         self._clocks = [[], []]
         self._run(LOOKED_S)
-        if self.loop.app.pilot.stalled or self.world.has_tipped():  # meanwhile: no complaint
+        if self.loop.app.pilot.stalled or self.world.has_tipped() or self._is_wedged():
+            # meanwhile: no complaint
             self._recover(self.loop.now_s + RECOVERS_S)
         scanner_s, ahrs_s = (float(np.median(errors or [np.nan])) for errors in self._clocks)
         return LegResult(
@@ -214,10 +222,10 @@ class Soak:
         )
 
     def _recover(self, until_s: float) -> None:
-        """Let all be well again; a robot that is stalled or lies is freed as by a person."""
+        """Let all be well again; a person frees a robot that is stalled, lies or is wedged."""
         freed_s = -math.inf
         while not self._is_well() and self.loop.now_s < until_s:
-            if self.world.has_tipped():
+            if self.world.has_tipped() or self._is_wedged():
                 self._carry_home()
             if self.loop.app.pilot.stalled and self.loop.now_s - freed_s > FREED_EVERY_S:
                 freed_s = self.loop.now_s
@@ -317,7 +325,7 @@ class Soak:
             f"{spread[1]:.2f} ms from leg to leg",
             f"slowest recovery: {max(result.recovered_s for result in results):.1f} s; "
             f"controller reset after a stall: {self.resets} times; "
-            f"carried back when stuck or tipped: {self.carried} times",
+            f"carried back when stuck, wedged or tipped: {self.carried} times",
             f"frames on the link: {counters['frames_sent']}",
             "ends crossed: " + "; ".join(f"{n}: {k}" for n, k in sorted(self.ends.crossed.items())),
         ]

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from core.motion.odometry import Odometry
 from tools.rig.soak import (
     GROWN_MB,
     LEG_S,
@@ -63,6 +64,22 @@ def test_a_robot_that_has_tipped_over_is_carried_back_upright(soak: Soak) -> Non
     soak._recover(soak.loop.now_s + RECOVERS_S)
     assert soak.carried == carried + 1
     assert not soak.world.has_tipped()
+    assert soak._is_well()
+
+
+def test_a_robot_whose_wheels_turn_and_that_does_not_is_carried_back_and_turned(
+    soak: Soak,
+) -> None:
+    carried, odometry = soak.carried, soak.loop.app.mapper.odometry
+    assert isinstance(odometry, Odometry)
+    soak.planner._motion, soak.planner._until_s = (0.0, 0.0), math.inf
+    soak._run(2.0)
+    odometry.wheels.ignored = True
+    soak._run(1.0)
+    assert not soak._is_well()
+    soak.planner._until_s = -math.inf
+    soak._recover(soak.loop.now_s + RECOVERS_S)
+    assert soak.carried == carried + 1
     assert soak._is_well()
 
 

@@ -12,6 +12,7 @@
 #define CRUMB_MM 200        /* between two of them */
 #define GIVEN_UP_MM 900     /* radius */
 #define BACK_MM 2600        /* to go back, for a new try */
+#define AGAIN_FARTHER_MM 1600 /* and so much farther each time, for from there it looks aside */
 #define LOOKS 3u            /* at the same ground, from points chosen for it */
 #define MOST_HIDDEN 3u       /* times that no point shows the ground about the goal */
 #define BACK_TO_TURN_MM 4000 /* at most, to where there is room to turn */
@@ -168,9 +169,10 @@ void recovery_no_view(struct driver *driver)
     }
     driver->looks = 0u;
     driver->viewed_count = 0u;
-    if (!given_up) { /* back along its own path, until the line lies before it again */
+    if (!given_up) { /* back along its own path, until the line lies before it again; and farther */
+        driver->back_mm = most(BACK_MM, RECOVERY_AGAIN_FROM_MM - away_mm) +
+                          ((int32_t)driver->hidden * AGAIN_FARTHER_MM);
         driver->hidden++;
-        driver->back_mm = most(BACK_MM, RECOVERY_AGAIN_FROM_MM - away_mm);
         recovery_begin(driver, RECOVERY_BACK);
     } else if (!backs_to_turn(driver, RECOVERY_NONE)) {
         recovery_begin(driver, RECOVERY_NONE);

@@ -104,5 +104,6 @@ def test_make_installs_nothing_that_is_not_locked() -> None:
         "uv>=0.9,<1",
         "pip-audit>=2.9,<3",
         "pyoctomap>=1.2,<2",
+        "open3d>=0.19,<1",
         "coverage-path-planner>=1.4,<2",
     ]

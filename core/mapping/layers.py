@@ -217,8 +217,9 @@ def maybe_surface_ring(
         z_m, var_m2 = heights_at(at)
         if name == "variance":
             return var_m2
+        if name == "soft":  # whatever its height is
+            return np.where(np.isnan(heights_m(of, None, static_rad)[0]), np.nan, _is_soft(of))
         is_guess = (of["looks"] == 0) & ~(of["stands"] > 0.0)  # of the ground below
-        value = z_m - ground_m(of, static_rad) if name == "height" else _is_soft(of)
-        return np.where(is_guess | np.isnan(z_m), np.nan, value)
+        return np.where(is_guess, np.nan, z_m - ground_m(of, static_rad))
 
     return (grid, told) if name in SURFACE else None

@@ -193,7 +193,7 @@ def cameras() -> Iterator[Pair]:
     )
     open3d = maybe_open3d()
     if open3d is not None:
-        ours = our_steps(FrameSteps(KINECT), image, pose)
+        ours = our_steps(steps, image, pose)
         theirs = peer_steps(open3d, image, steps.room)
         shared = [step for step in ours if step.peer in theirs]
         yield Pair(

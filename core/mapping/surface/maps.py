@@ -135,7 +135,7 @@ class SurfaceMaps:
         self.cells: cells.Cells = self.grid.layer(CELL, cells.BLANK)
         self._maybe_uppers: Uppers | None = None
         if config.map.filter_heights:
-            self._maybe_uppers = self.grid.layer(UPPER, BLANK_UPPER)
+            self._maybe_uppers = self.grid.layer(UPPER, BLANK_UPPER).reshape(-1)
         self.window = ObstacleWindow(window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
@@ -143,7 +143,7 @@ class SurfaceMaps:
         self._limits = limits_of(config, are_pictures)
         self._stood: BodyPose | None = None  # where its map began, until it moves
         self._moved = False
-        flat = self._flat_uppers()
+        uppers = self._maybe_uppers
         self._surface = Surface(
             cells=with_fields(self.cells.reshape(-1)),
             tall=self.grid.layer(np.uint8, 0).reshape(-1),
@@ -157,7 +157,7 @@ class SurfaceMaps:
             touched=Touched.none(self.cells.size),
             planes=records(cells.PLANE, cells.PLANES * cells.PLANES),
             now=records(cells.NOW),
-            uppers=records(UPPER, 0) if flat is None else with_fields(flat),
+            uppers=records(UPPER, 0) if uppers is None else with_fields(uppers),
         )
         self._returns = [records(RETURN, beams) for _ in range(2)]
         for echo in self._returns:
@@ -240,11 +240,8 @@ class SurfaceMaps:
 
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
-        cells, uppers = self.cells.reshape(-1), self._flat_uppers()
-        return heights_m(cells, uppers, self.static_rad)[0].reshape(self.cells.shape)
-
-    def _flat_uppers(self) -> Uppers | None:
-        return None if self._maybe_uppers is None else self._maybe_uppers.reshape(-1)
+        told_m, _ = heights_m(self.cells.reshape(-1), self._maybe_uppers, self.static_rad)
+        return told_m.reshape(self.cells.shape)
 
     def ages_s(self, i: I64, j: I64) -> F64:
         """Seconds (n,) since world cells were met, passed or stood on; NaN: never, or outside."""
@@ -253,8 +250,8 @@ class SurfaceMaps:
 
     def maybe_ring(self, name: str) -> layers.RingLayer | None:
         """A layer by its name; none where there is none."""
-        uppers = self._flat_uppers()
-        return layers.maybe_surface_ring(name, self.cells, uppers, self.static_rad, self.grid)
+        of = self.cells, self._maybe_uppers, self.static_rad, self.grid
+        return layers.maybe_surface_ring(name, *of)
 
     def maybe_ground_grid(self) -> RingGrid:
         """That of the cells."""

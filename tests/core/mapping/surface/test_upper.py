@@ -9,10 +9,12 @@ from core.grid.ring import RingGrid
 from core.mapping.layers import maybe_surface_ring
 from core.mapping.surface.constants import MOST
 from core.mapping.surface.evidence import vote
+from core.mapping.surface.maps import SurfaceMaps
 from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, NONE
 from core.mapping.surface.upper import heights_m, see_uppers
 from jit import Records, records
 from tests.support.maps.ground_cells import NOISE_M2, GroundCells, met
+from tests.support.robot.shipped import shipped
 
 LEVEL = np.zeros(2)
 
@@ -115,7 +117,19 @@ def test_what_the_attitude_is_always_wrong_by_is_taken_out_as_it_is_read() -> No
     assert told[1][0] == pytest.approx(0.5 + 0.01 * 5.0)
 
 
-def test_without_the_setting_nothing_is_kept() -> None:
+@pytest.mark.parametrize(("is_set", "kept"), [(False, 0), (True, 41 * 41)])
+def test_filters_are_kept_where_the_settings_want_them(is_set: bool, kept: int) -> None:
+    sizes = {"cells": 41, "filter_heights": is_set}
+    maps = SurfaceMaps(shipped(map=sizes, obstacle={"window_cells": 41}))
+    assert maps._surface.uppers.size == kept
+
+
+def test_whether_something_is_soft_is_told_without_its_height() -> None:
     ground = GroundCells()
+    uppers = ground.filter_heights()
+    at = ground.lay(2, 0, 0.0, stands=0.5)
     met(ground, 20.0, 0.41, 0.5)
-    assert ground.surface.uppers.size == 0
+    assert math.isnan(told_m(ground, at, uppers)[0])
+    ring = maybe_surface_ring("soft", ground.cells, uppers, LEVEL, RingGrid(41, 0.2))
+    assert ring is not None
+    assert ring[1](np.array([at])) == [0.0]

@@ -366,8 +366,12 @@ def record_misses(
         return
     console.print(f"recording {len(tasks)} of these runs in {options.misses}, each with a picture")
     running = Outcomes(tasks).missing(LocalProcesses(options.jobs))
-    for _ in with_bar(console, len(tasks), running, counts):
-        pass
+    for outcome in with_bar(console, len(tasks), running, counts):
+        if outcome.crash:
+            console.print(
+                f"run {outcome.number} was not recorded: {outcome.crash.splitlines()[-1]}",
+                markup=False,
+            )
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -377,6 +381,8 @@ def main(arguments: Sequence[str]) -> int:
     before = 0
     try:
         tasks = tasks_of(options)
+        for folder in filter(None, (options.record, options.misses)):
+            folder.mkdir(parents=True, exist_ok=True)
         library(shipped_robot())  # the planner is compiled before many want it at once
     except (OSError, ValueError, MissingToolError, CompileError) as error:
         print(f"tools.rig.campaign: {error}", file=sys.stderr)

@@ -247,6 +247,13 @@ def test_a_scene_without_goals_is_refused(scene: str, words: str, capsys: Capsys
     assert "hall" in told, "what there is"
 
 
+@pytest.mark.parametrize("option", ["--record", "--misses"])
+def test_a_folder_that_is_a_file_is_refused(option: str, tmp_path: Path, capsys: Capsys) -> None:
+    (tmp_path / "file").touch()
+    assert campaign.main(["--runs", "1", option, str(tmp_path / "file")]) == 2
+    assert str(tmp_path / "file") in capsys.readouterr().err
+
+
 def test_mixed_scenes_are_a_campaign_of_their_own(capsys: Capsys) -> None:
     options = campaign.arguments_of(["--mixed", "--runs", "3", "--seed", "4"])
     tasks = campaign.tasks_of(options)

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, settings
 
 from tests.support.cases import USUAL
-from tools.rig.c_build import MissingToolError
+from tools.rig.planner.build import MissingToolError
 
 settings.register_profile(
     "mapod",

@@ -163,6 +163,30 @@ def test_in_core_nobody_imports_what_stands_above_him() -> None:
     assert faults == []
 
 
+def test_in_the_rig_commands_stand_above_the_rooms_and_each_room_above_those_it_needs() -> None:
+    rig = [name.split(".") for name in modules() if within(name, "tools.rig")]
+    rooms = {parts[2] for parts in rig if len(parts) > 3}
+    needs = {
+        "planner": set(),
+        "truth": set(),
+        "cleaning": set(),
+        "runs": {"planner", "truth"},
+        "faults": {"truth", "runs"},
+        "real_time": {"planner", "truth"},
+    }
+    assert rooms == needs.keys()
+    faults = [
+        fault
+        for room, needed in needs.items()
+        for fault in wrong(
+            f"tools.rig.{room}", *(f"tools.rig.{other}" for other in rooms - needed - {room})
+        )
+    ]
+    commands = [".".join(parts) for parts in rig if len(parts) == 3 and parts[2] not in rooms]
+    faults += [fault for room in ("tools", "mapod") for fault in wrong(room, *commands)]
+    assert faults == []
+
+
 def test_the_monitor_shares_nothing_with_what_computes_motion_and_decides_on_cells() -> None:
     own = {name for name in modules()["core.driving.monitor"].imports if name in modules()}
     assert [name for name in own if within(name, "core.driving", "core.mapping")] == [

@@ -12,7 +12,7 @@ import pytest
 from tests import ROOT
 from tools.bench.process import SETTINGS
 from tools.bench.usage import resident_mb, usage_of
-from tools.rig.latency import Bench
+from tools.rig.real_time.bench import Bench
 from tools.terminal.processes import Stop
 
 NEVER = {"asyncio", "rich", "structlog", "colorama", "mapod_link", "fakes"}

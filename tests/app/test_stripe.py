@@ -16,7 +16,7 @@ from tests import ROOT
 from tests.support.cases import few
 from tests.support.robot.closed_loop import ClosedLoop, told_heights
 from tests.support.robot.shipped import FLOOR
-from tools.rig.loop import SESSION
+from tools.rig.runs.loop import SESSION
 
 pytest.importorskip("cv2", reason="needs OpenCV: pip install 'mapod[camera]'")
 RAGNO = load_config((ROOT / "robots" / "ragno.toml").read_text(encoding="utf-8"))

@@ -28,7 +28,7 @@ from tests.support.link.planner_sender import (
     receiving,
     zone_body,
 )
-from tools.rig.loop import Loop
+from tools.rig.runs.loop import Loop
 
 pytest.importorskip("foxglove")
 aiohttp = pytest.importorskip("aiohttp")

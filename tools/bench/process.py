@@ -29,7 +29,7 @@ from tools.bench.start_up import imports
 from tools.bench.syscalls import StraceError, kernels_loaded
 from tools.bench.usage import Usage, cpu_s, pin, rates_between, resident_mb, usage_of
 from tools.cli.options import ROOT, SHIPPED_CONFIG, a_span
-from tools.rig.latency import (
+from tools.rig.real_time.bench import (
     LINGER_S,
     SETTLE_S,
     Bench,

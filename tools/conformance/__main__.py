@@ -21,7 +21,7 @@ from tools.conformance.exam import DeviationError, Exam
 from tools.conformance.in_process import InProcess, Receiver
 from tools.conformance.soak import Soak, leg_of
 from tools.conformance.suite import CHECKS, meet, run
-from tools.rig.c_build import MissingToolError
+from tools.rig.planner.build import MissingToolError
 
 LEGS = 16
 KEY, NONCE = bytes(range(32)), 0x11223344

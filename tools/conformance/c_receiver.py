@@ -9,7 +9,7 @@ from ctypes import c_uint32 as u32
 import numpy as np
 
 from tools.conformance.wire import U8
-from tools.rig.c_build import MCU, built
+from tools.rig.planner.build import MCU, built
 
 MAX_OUT = 64  # bytes of the longest answer
 LIBRARY = MCU / "host" / "library.c"
@@ -35,7 +35,7 @@ def library(*settings: str) -> ctypes.CDLL:
     """The header as a shared library, set up by words for the compiler.
 
     Raises:
-        MissingToolError, CompileError: see `tools.rig.c_build`.
+        MissingToolError, CompileError: see `tools.rig.planner.build`.
     """
     words = ("-O2", "-shared", "-fPIC", *settings)
     lib = ctypes.CDLL(str(built("link.so", LIBRARY, *words)))

@@ -30,7 +30,7 @@ from hw.stripe.session import LEAST_SHARE
 from hw.stripe.sweep import SweepMaker
 from tools.cli.options import ROBOTS
 from tools.experiments.terrain.report import DOCUMENT, with_tables
-from tools.rig.fault_run import Drive, course_of, harm
+from tools.rig.faults.drive import Drive, course_of, harm
 
 BEGIN, END = "<!-- light: begin -->", "<!-- light: end -->"
 FINDS: tuple[Method, ...] = get_args(Method)  # ways to find the line; the paper's is "threshold"

@@ -17,7 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-from tools.rig.c_build import (
+from tools.rig.planner.build import (
     BOARD,
     CORTEX_M3,
     MCU,

@@ -16,11 +16,11 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from tools.rig.fault_run import Outcome, course_of, drive_with, problems, problems_of_pair
-from tools.rig.faults import CATALOGUE, Fault
-from tools.rig.faults_stripe import ROBOT as SMALL_ROBOT
-from tools.rig.faults_stripe import STRIPE
-from tools.rig.faults_urg04lx import ROBOT, URG04LX
+from tools.rig.faults.catalogue import CATALOGUE, Fault
+from tools.rig.faults.drive import Outcome, course_of, drive_with, problems, problems_of_pair
+from tools.rig.faults.stripe import ROBOT as SMALL_ROBOT
+from tools.rig.faults.stripe import STRIPE
+from tools.rig.faults.urg04lx import ROBOT, URG04LX
 from tools.sweep.jobs import Failure, with_bar
 from tools.sweep.local import LocalProcesses
 

@@ -24,8 +24,8 @@ from shapely import Polygon
 from config_file import load_config
 from core.config import Config
 from fakes.scenes.halls import AREA_M2, hall_of
-from tools.rig.hall_run import MACHINE, REACH_CLEAR_M, HallRun
-from tools.rig.hall_truth import band_of, map_worth
+from tools.rig.cleaning.run import MACHINE, REACH_CLEAR_M, HallRun
+from tools.rig.cleaning.truth import band_of, map_worth
 
 SHIPPED = Path(__file__).parents[2] / "mapod.toml"
 HOME_M = 0.15  # from the dock: nearer is back

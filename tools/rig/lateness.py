@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from tools.cli.options import ROBOTS, configured, number_in
-from tools.rig.latency import Bench, folder_in_memory, quantiles
+from tools.rig.real_time.bench import Bench, folder_in_memory, quantiles
 from tools.settings import lens_of, wheels_of
 from tools.terminal.processes import RunError, Stop, say
 

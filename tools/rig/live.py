@@ -27,11 +27,11 @@ from mapod_link.receiver import Receiver
 from mapod_link.wires import UdpWire
 from tools.cli.options import ROOT
 from tools.cli.view import print_summary, watch
-from tools.rig.board import BoardError, EmulatedBoard
-from tools.rig.c_build import CompileError, MissingToolError, robot_from_config
-from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
-from tools.rig.config import BOARD, DEVICES, HOST, OF_SCENE, RigConfig, load_rig_file
-from tools.rig.story import AppLog, Doubts, Tour, TruthLog
+from tools.rig.planner.board import BoardError, EmulatedBoard
+from tools.rig.planner.build import CompileError, MissingToolError, robot_from_config
+from tools.rig.planner.host import CPlanner, PlannerSettings, PlannerState
+from tools.rig.real_time.rig_file import BOARD, DEVICES, HOST, OF_SCENE, RigConfig, load_rig_file
+from tools.rig.real_time.story import AppLog, Doubts, Tour, TruthLog
 from tools.settings import NotThereError, lens_of
 from tools.terminal.planner_end import PlannerEnd, WatchingReceiver
 from tools.terminal.processes import (

@@ -28,8 +28,8 @@ from core.motion.attitude import AttitudeRing
 from core.motion.error_state import TILT, YAW
 from core.motion.odometry import Odometry
 from core.records import F64, Attitude, WheelCounts
-from tools.rig.loop import SHIPPED
-from tools.rig.motion_drives import HZ, SENSORS, Drive, carried, drive_of, names
+from tools.rig.runs.loop import SHIPPED
+from tools.rig.runs.motion_drives import HZ, SENSORS, Drive, carried, drive_of, names
 
 SETTLED_S = 3.0  # from then on errors count
 EVERY = 50  # samples between two looks at the covariance

@@ -30,8 +30,8 @@ from core.records import Scan
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import load_scene
 from fakes.world.world import F64, World
-from tools.rig.faults import draw
-from tools.rig.loop import Loop, rig_config
+from tools.rig.faults.catalogue import draw
+from tools.rig.runs.loop import Loop, rig_config
 
 LEG_S, FAULTY_S = 60.0, 25.0  # a leg, and until when its faults begin
 FAULTS = 2  # of a leg

@@ -8,10 +8,10 @@ import pytest
 
 from mapod_link.serial_line import Deframer, serial_from_frame
 from tests.support.link.c_bench import Bench, drives_of, random_ground
-from tools.rig.board import EmulatedBoard
-from tools.rig.c_build import BUILD, MCU, MissingToolError, built, program
-from tools.rig.c_planner import PlannerSettings
 from tools.rig.c_sizes import firmware_size, firmware_stack
+from tools.rig.planner.board import EmulatedBoard
+from tools.rig.planner.build import BUILD, MCU, MissingToolError, built, program
+from tools.rig.planner.host import PlannerSettings
 
 SETTINGS = PlannerSettings(start_clear_m=2.0)
 NONCE = 7

@@ -6,7 +6,7 @@ from msgspec.structs import replace
 from core.driving.zone import OBSTRUCTED, UNSEEN
 from core.records import OBSTACLE, UNKNOWN, StopZoneReport
 from tests.support.link.c_bench import STOP, Bench, driving, set_out, zone_report
-from tools.rig.c_planner import PlannerSettings
+from tools.rig.planner.host import PlannerSettings
 
 SLOW_MPS = 0.15
 

@@ -8,8 +8,8 @@ from config_file import load_config, with_changes
 from core.config import Config, ConfigError
 from core.records import FREE, OBSTACLE
 from tests.support.link.c_bench import Bench, set_out
-from tools.rig.c_build import ROOT, robot_from_config, shipped_robot
-from tools.rig.c_planner import PlannerSettings
+from tools.rig.planner.build import ROOT, robot_from_config, shipped_robot
+from tools.rig.planner.host import PlannerSettings
 
 JUMP_M = 100.0
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cases import examples
 from tests.support.link.c_bench import Bench, driving, random_ground, set_out
-from tools.rig.c_planner import PlannerSettings
+from tools.rig.planner.host import PlannerSettings
 
 
 @settings(max_examples=examples(12), deadline=None)

@@ -9,8 +9,8 @@ import pytest
 from core.records import FREE, OBSTACLE, UNKNOWN
 from tests.support.cases import few
 from tests.support.link.c_bench import CELL_M, Bench, set_out
-from tools.rig.c_build import shipped_robot
-from tools.rig.c_planner import PlannerSettings
+from tools.rig.planner.build import shipped_robot
+from tools.rig.planner.host import PlannerSettings
 
 GOAL = (8.0, 0.0)
 

@@ -7,7 +7,6 @@ import pytest
 
 from tests.support.cases import few
 from tests.support.link.planner_sender import vector
-from tools.rig.c_build import MCU, STRICT, CompileError, compile_c
 from tools.rig.c_sizes import (
     AUTH,
     CORE_SET,
@@ -19,6 +18,7 @@ from tools.rig.c_sizes import (
     state_bytes,
     undefined,
 )
+from tools.rig.planner.build import MCU, STRICT, CompileError, compile_c
 
 SETTINGS = {
     "with tags": (AUTH,),

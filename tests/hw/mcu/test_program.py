@@ -11,7 +11,7 @@ import pytest
 from mapod_link.frames import Frame, frame_from_bytes
 from mapod_link.serial_line import Deframer
 from tests.support.link.planner_sender import VECTORS, vector
-from tools.rig.c_build import MCU, built
+from tools.rig.planner.build import MCU, built
 
 NAMES = ("geom", "pose", "map")
 SERIAL = b"".join(vector(f"{name}_serial") for name in NAMES)

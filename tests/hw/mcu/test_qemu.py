@@ -10,8 +10,8 @@ import pytest
 from fakes.planner_mcu.receiver import FakePlanner
 from mapod_link.serial_line import Deframer
 from tests.support.link.planner_line import POSE_REPORT, Line, Sky
-from tools.rig.board import Board
-from tools.rig.c_build import BARE, BOARD, PLANNER, built
+from tools.rig.planner.board import Board
+from tools.rig.planner.build import BARE, BOARD, PLANNER, built
 
 FREE, OBSTACLE = 1, 2
 SETTLES = 100

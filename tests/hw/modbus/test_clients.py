@@ -14,7 +14,7 @@ from pymodbus.pdu.mei_message import ReadDeviceInformationResponse
 from hw.modbus.image import RegisterImage
 from hw.modbus.layout import COARSE, WINDOW, stride_of
 from tests.support.machine import modbus_rig as rig
-from tools.rig.c_build import MissingToolError
+from tools.rig.planner.build import MissingToolError
 
 COUNT = 10 + rig.SIZE * stride_of(rig.SIZE) + 1  # registers of a window: head, cells, generation
 SOURCE = Path(__file__).parent / "modbus_reader.c"

@@ -16,8 +16,8 @@ from core.records import FREE, I8, OBSTACLE, UNKNOWN, ObstacleMap, PoseReport, S
 from fakes.wires.wire import MemoryPort
 from hw.planner_link.receivers import one_link
 from mapod_link.frames import DRIVE, frame_from_bytes
-from tools.rig.c_build import ROOT
-from tools.rig.c_planner import CPlanner, PlannerSettings, PlannerState
+from tools.rig.planner.build import ROOT
+from tools.rig.planner.host import CPlanner, PlannerSettings, PlannerState
 
 ROBOT = load_config((ROOT / "mapod.toml").read_text(encoding="utf-8")).robot
 CELL_M, SIZE = 0.2, 101

@@ -26,7 +26,7 @@ from tools.conformance.wire import (
     op,
     pose_body,
 )
-from tools.rig.c_build import BUILD, MCU, SANITIZED, built
+from tools.rig.planner.build import BUILD, MCU, SANITIZED, built
 
 SOURCE = MCU / "host" / "fuzz.c"
 TAGGED, BROKEN, NOISE, LATE = 0x10, 0x20, 0x80, 8  # ways to feed a piece, see fuzz.c

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from tests import ROOT
-from tools.rig.c_build import MissingToolError
+from tools.rig.planner.build import MissingToolError
 
 PROGRAMS = {  # and the Debian packages that have them
     "debootstrap": "debootstrap",

@@ -3,7 +3,7 @@
 import math
 
 from fakes.planner_mcu.receiver import FakePlanner
-from tools.rig.c_planner import PlannerState
+from tools.rig.planner.host import PlannerState
 
 VALID_S, PERIOD_S = 0.4, 0.1
 AIMED_RAD = 0.1

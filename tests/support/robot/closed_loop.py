@@ -12,7 +12,7 @@ from core.records import FREE, OBSTACLE, UNKNOWN
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene
 from fakes.world.rig import AnyWorld
-from tools.rig.loop import SESSION, SHIPPED, START_S, Loop
+from tools.rig.runs.loop import SESSION, SHIPPED, START_S, Loop
 
 F64 = npt.NDArray[np.float64]
 __all__ = ["SESSION", "SHIPPED", "START_S", "ClosedLoop", "Comparison", "compare"]

@@ -14,7 +14,7 @@ from recording.tap import AnyTap
 from tests.support.robot.closed_loop import SESSION, ClosedLoop
 from tests.support.robot.recorded import ListTap
 from tests.support.robot.shipped import FLOOR, shipped
-from tools.rig.loop import START_S
+from tools.rig.runs.loop import START_S
 from wiring import DepthPorts
 
 BY_FOUR = b"\x02"  # binningOption: few pixels, for short tests

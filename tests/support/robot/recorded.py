@@ -17,7 +17,7 @@ from recording.records import LINE, Record
 from recording.tap import AnyTap
 from tests.support.robot.closed_loop import SESSION, ClosedLoop
 from tests.support.robot.shipped import FLOOR, shipped
-from tools.rig.loop import START_S, Loop
+from tools.rig.runs.loop import START_S, Loop
 
 
 class ListTap:

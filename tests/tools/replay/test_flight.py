@@ -22,7 +22,7 @@ from tests import Capsys
 from tests.support.robot.recorded import DriveToBox, note_line
 from tools.cli import replay, why
 from tools.replay.player import Player
-from tools.rig.loop import START_S
+from tools.rig.runs.loop import START_S
 
 pytestmark = pytest.mark.slow
 

@@ -17,14 +17,16 @@ from fakes.scenes.scene import Scene, Solid
 from tests import Capsys
 from tests.support.robot.blind_pilot import BlindPilot
 from tests.support.robot.shipped import FLOOR
-from tools.rig import campaign, record
-from tools.rig.c_build import program
-from tools.rig.campaign import Outcome, Outcomes, Task, outcome_of, spec_of
-from tools.rig.draw import draw_run
-from tools.rig.loop import rig_config
-from tools.rig.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, RunSpec
-from tools.rig.record import Recorder
-from tools.rig.watch import Watcher, image_of, line_of, picture
+from tools.rig import campaign
+from tools.rig.campaign import Outcomes, Task, outcome_of, spec_of
+from tools.rig.planner.build import program
+from tools.rig.runs import record
+from tools.rig.runs.loop import rig_config
+from tools.rig.runs.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, RunSpec
+from tools.rig.runs.outcomes import Outcome, as_json, is_well, show
+from tools.rig.runs.picture import draw_run
+from tools.rig.runs.record import Recorder
+from tools.rig.runs.watch import Watcher, image_of, line_of, picture
 from tools.sweep.local import LocalProcesses
 
 WALL = Solid("wall", (14.0, 14.5), (-6.0, 6.0), (0.0, 2.0))
@@ -189,7 +191,7 @@ def test_a_short_campaign_collides_nowhere_and_agrees_across_processes() -> None
         assert here is not None
         assert not result.collisions
         assert result.digest == here.digest
-    assert not campaign.is_well(list(outcomes.values()), 3)
+    assert not is_well(list(outcomes.values()), 3)
 
 
 @pytest.mark.slow
@@ -214,7 +216,7 @@ def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: Caught) -> N
     ]
     console = Console(width=200, no_color=True)
     with console.capture() as shown:
-        campaign.show(console, outcomes, 5, "make campaign ONLY={number}", 10.0, markdown=True)
+        show(console, outcomes, 5, "make campaign ONLY={number}", 10.0, markdown=True)
     for words in (
         "| all   |    3 |",
         "4 of 6 goals (66.7 %), 1 collisions, 1 crashes",
@@ -224,17 +226,17 @@ def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: Caught) -> N
         "NOT WELL",
     ):
         assert words in shown.get()
-    assert json.loads(json.dumps(campaign.as_json(outcomes)))[1]["collisions"]
+    assert json.loads(json.dumps(as_json(outcomes)))[1]["collisions"]
 
 
 def test_well_is_all_runs_no_harm_and_most_goals(arrived: RunResult, caught: Caught) -> None:
     spec, few = RunSpec("hall", 1), dataclasses.replace(arrived, reached=1)
     faulty = RunSpec("hall", 1, ("scanner.mute@1s",))
-    assert campaign.is_well([Outcome(0, spec, arrived)], 1)
-    assert not campaign.is_well([Outcome(0, spec, arrived)], 2)
-    assert not campaign.is_well([Outcome(0, spec, caught[0].result())], 1)
-    assert not campaign.is_well([Outcome(0, spec, few)], 1)
-    assert campaign.is_well([Outcome(0, faulty, few)], 1)
+    assert is_well([Outcome(0, spec, arrived)], 1)
+    assert not is_well([Outcome(0, spec, arrived)], 2)
+    assert not is_well([Outcome(0, spec, caught[0].result())], 1)
+    assert not is_well([Outcome(0, spec, few)], 1)
+    assert is_well([Outcome(0, faulty, few)], 1)
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,10 @@ from fakes.world.crowd import Walker
 from fakes.world.error_models import Patch
 from fakes.world.magnetic import MagneticDisturbance
 from tests import Capsys
-from tools.rig.draw import BLACK as BLACK_COLOUR
-from tools.rig.draw import GLASS as GLASS_COLOUR
-from tools.rig.draw import LOWER, Chart, chart_of, main
+from tools.rig.draw import main
+from tools.rig.runs.picture import BLACK as BLACK_COLOUR
+from tools.rig.runs.picture import GLASS as GLASS_COLOUR
+from tools.rig.runs.picture import LOWER, Chart, chart_of
 
 SCENE = Scene(
     "some",

@@ -12,8 +12,8 @@ import shapely
 from config_file import load_config
 from fakes.scenes.halls import hall_of
 from tools.rig import halls
-from tools.rig.hall_run import MACHINE, REACH_CLEAR_M, HallRun
-from tools.rig.hall_truth import Truth, band_of, gap_of, map_worth
+from tools.rig.cleaning.run import MACHINE, REACH_CLEAR_M, HallRun
+from tools.rig.cleaning.truth import Truth, band_of, gap_of, map_worth
 
 SMALL = (28.0, 30.0)
 PEOPLE = np.zeros((0, 3))

@@ -10,7 +10,7 @@ import pytest
 
 from tests import ROOT, Capsys, Patch
 from tools.rig import live
-from tools.rig.c_build import program
+from tools.rig.planner.build import program
 
 SECONDS = "60"  # at most; it ends once the goal is reached
 

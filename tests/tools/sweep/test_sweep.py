@@ -14,8 +14,8 @@ from tests.support.robot.blind_pilot import BlindPilot
 from tests.support.robot.shipped import FLOOR
 from tools.cli.sweep import main
 from tools.replay.player import Player
-from tools.rig.one_run import RunSpec
-from tools.rig.record import Recorder, recorded_run
+from tools.rig.runs.one_run import RunSpec
+from tools.rig.runs.record import Recorder, recorded_run
 from tools.sweep.page import page_of
 from tools.sweep.scores import SCORES
 from tools.sweep.tables import lines_of

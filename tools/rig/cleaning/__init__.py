@@ -1,0 +1,1 @@
+"""A hall that a simulated machine maps and cleans, and what that was worth."""

@@ -1,0 +1,1 @@
+"""Real processes against a real clock: the bench, its settings, load, what they tell."""

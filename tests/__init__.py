@@ -1,4 +1,4 @@
-"""Tests, by the rooms of the house: tests/core, tests/hw, tests/fakes, tests/tools, tests/app."""
+"""Tests, by the rooms of the code: tests/core, tests/hw, tests/fakes, tests/tools, tests/app."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Test settings for the whole house: hypothesis repeats the same cases on every machine.
+"""Test settings for all of them: hypothesis repeats the same cases on every machine.
 
 The profile `nightly` (make nightly) tries others each time.
 A test that needs a program which is not installed is skipped; where CI is set, it fails.

@@ -26,7 +26,7 @@ def config_of(**driver: Any) -> Config:
 
 
 class KinectLoop(DepthLoop):
-    """The house with such a camera instead."""
+    """The robot with such a camera instead."""
 
     def __init__(self, config: Config, form: Form, lens: Lens) -> None:
         super().__init__(hall(BOX), config, drives=False)

@@ -18,7 +18,7 @@ HEALTH, GENERATION, ZONE, MODE, ALLOWED_AHEAD = 21, 20, 38, 65, 72
 
 
 class Served(ClosedLoop):
-    """The house, with a register image."""
+    """The app, with a register image."""
 
     def __init__(
         self, scene: Scene | str = "corridor", *, may_drive: bool = False, **robot: Any

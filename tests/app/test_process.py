@@ -1,4 +1,4 @@
-"""The whole house as its user runs it: real processes, real sockets and ptys, real time."""
+"""The whole app as its user runs it: real processes, real sockets and ptys, real time."""
 
 import re
 import subprocess

@@ -1,4 +1,4 @@
-"""The whole house in one process on a simulated clock: world, fakes, wires, app, planner's end."""
+"""The whole robot in one process on a simulated clock: world, fakes, wires, app, planner's end."""
 
 from dataclasses import dataclass
 

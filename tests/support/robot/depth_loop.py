@@ -1,4 +1,4 @@
-"""The house with a depth camera: its fake sees the same world, and all of the app is recorded."""
+"""The robot with a depth camera: its fake sees the same world, and all of the app is recorded."""
 
 from pathlib import Path
 from typing import Any

@@ -225,7 +225,7 @@ AHRS = (
     goes_on("ahrs.temperature_deg", NOT_USED, "80"),
 )
 
-# Motor controller, and the planner's end. Source: docs/devices.md, README ("Drive"),
+# Motor controller, and the planner's end. Source: docs/devices.md, README ("Before motors move"),
 # docs/protocols/planner-link.md (DRIVE)
 
 NO_COUNTER = (

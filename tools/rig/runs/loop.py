@@ -1,4 +1,4 @@
-"""The whole house in one process on a simulated clock: world, fakes, wires, app, planner.
+"""The whole robot in one process on a simulated clock: world, fakes, wires, app, planner.
 
 No clock is read and nothing waits. Two loops of the same scene, seed and settings say the same to
 the bit, as long as their planners do. Faults are set on wires and fakes, at once or on a timetable.

@@ -12,7 +12,6 @@
 #define CRUMB_MM 200        /* between two of them */
 #define GIVEN_UP_MM 900     /* radius */
 #define BACK_MM 2600        /* to go back, for a new try */
-#define AGAIN_FARTHER_MM 1600 /* and so much farther each time, for from there it looks aside */
 #define LOOKS 3u            /* at the same ground, from points chosen for it */
 #define MOST_HIDDEN 3u       /* times that no point shows the ground about the goal */
 #define BACK_TO_TURN_MM 4000 /* at most, to where there is room to turn */
@@ -171,7 +170,7 @@ void recovery_no_view(struct driver *driver)
     driver->viewed_count = 0u;
     if (!given_up) { /* back along its own path, until the line lies before it again; and farther */
         driver->back_mm = most(BACK_MM, RECOVERY_AGAIN_FROM_MM - away_mm) +
-                          ((int32_t)driver->hidden * AGAIN_FARTHER_MM);
+                          ((int32_t)driver->hidden * VIEWS_FARTHER_MM);
         driver->hidden++;
         recovery_begin(driver, RECOVERY_BACK);
     } else if (!backs_to_turn(driver, RECOVERY_NONE)) {

@@ -17,8 +17,7 @@
 #define ASIDE_MM 400    /* and so far to either side */
 #define BEYOND_MM 600   /* and beyond the path's end, at the goal */
 #define SAME_MM 1200    /* a point so near to one that did not help does not help either */
-#define FARTHER_MM 1600 /* farther off, each time that ground did not show, */
-#define FARTHEST_MM 3200 /* up to where the line lies on ground that falls 2 degrees from it */
+#define FARTHEST_MM 3200 /* farther off, at most: the line lies on ground that falls 2 degrees */
 #define MISSING_MM 20000 /* of path: a point that shows nothing is worse by that */
 
 bool views_are_in_sight(const struct driver *driver, struct point from, struct point to)
@@ -170,7 +169,7 @@ void views_end(struct driver *driver)
     driver->farther_mm = 0;
     for (k = 0u; k < driver->aim_count; k++) {
         if (ground_at_point(&driver->ground, driver->aims[k]) == MAPOD_UNKNOWN) {
-            driver->farther_mm = least(from_mm + FARTHER_MM, FARTHEST_MM);
+            driver->farther_mm = least(from_mm + VIEWS_FARTHER_MM, FARTHEST_MM);
         }
     }
     driver->looks += ((from_mm > 0) && (driver->farther_mm > 0)) ? 1u : 0u;

@@ -4,6 +4,9 @@
 
 #include "driver.h"
 
+/* Ground that did not show is looked at from so much farther off, each time. */
+#define VIEWS_FARTHER_MM 1600
+
 struct sighting { /* how far off, and in which direction */
     int32_t away_mm;
     binary_angle towards;

@@ -137,12 +137,12 @@ flash: $(VENV)/.ready-sim ## put mapod onto a robot over ssh, with a way back: d
 	@$(BIN)/python -m mapod flash $(HOST) $(ARGS)
 
 bench: setup $(VENV)/.ready-test ## ratios to NumPy, OpenCV, OctoMap, Open3D and to itself, smaller; what the process uses, beside the figures kept last; what a scan, an image, the planner link and a depth frame cost [KEEP=1 keeps them]
-	@test -d build/octomap || \
-	  $(BIN)/python -m pip install --disable-pip-version-check --quiet --no-deps --target build/octomap "pyoctomap>=1.2,<2" || \
-	  echo "mapod: without OctoMap beside it"
-	@test -d build/open3d || { echo "mapod: fetching Open3D to measure against, 400 MB, once"; \
-	  $(BIN)/python -m pip install --disable-pip-version-check --quiet --target build/open3d "open3d>=0.19,<1"; } || \
-	  echo "mapod: without Open3D beside it"
+	@test -d build/octomap || { rm -rf build/octomap.part; \
+	  $(BIN)/python -m pip install --disable-pip-version-check --quiet --no-deps --target build/octomap.part "pyoctomap>=1.2,<2" && \
+	  mv build/octomap.part build/octomap; } || echo "mapod: without OctoMap beside it"
+	@test -d build/open3d || { echo "mapod: fetching Open3D to measure against, 400 MB, once"; rm -rf build/open3d.part; \
+	  $(BIN)/python -m pip install --disable-pip-version-check --quiet --target build/open3d.part "open3d>=0.19,<1" && \
+	  mv build/open3d.part build/open3d; } || echo "mapod: without Open3D beside it"
 	@$(BIN)/python -m tools.bench.ratios $(if $(KEEP),--keep)
 	@$(if $(KEEP),$(call DRAWN,bench-ratios.png,bench,tools/bench/ratio_picture.py))
 	@$(BIN)/python -m tools.bench.process $(if $(KEEP),--keep)

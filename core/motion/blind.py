@@ -3,6 +3,9 @@
 Where the body pointed meanwhile, nobody saw. The wheels tell how it turned, and the attitude, once
 it is back, how it has turned in all: two sources that know nothing of each other. Where both agree,
 and the way was so short that what they can't see hides little, place and heading are still known.
+What they can't see: wheels that slip turn the body less than they tell, all along a turn, so the
+end shows the most of it; what was turned back again shows nowhere. And a body points a little askew
+of its way.
 """
 
 import math
@@ -11,7 +14,7 @@ GAP_S = 0.5  # an interval longer than this is checked for what it can hide
 HIDDEN_M = 0.1  # position error that such an interval, or a way without attitude, may hide
 BLIND_M = 0.005  # travel without any heading that still counts as standing
 AGREE_RAD = math.radians(2.0)  # turned by wheels and attitude over a gap: noise of both
-ASKEW_RAD = 0.05  # a body that brakes or slips points aside of where its wheels say
+ASKEW_RAD = 0.05  # a body that brakes or slips moves aside of where it points
 
 
 class BlindWay:
@@ -22,8 +25,9 @@ class BlindWay:
 
     def restart(self) -> None:
         """No gap is known of."""
-        self._way_m = self._turn_rad = self._off_rad = self._hidden_m = 0.0
+        self._way_m = self._turn_rad = self._net_rad = self._off_rad = self._hidden_m = 0.0
         self.step_m = 0.0  # position error that the newest interval may hide
+        self.off_rad = 0.0  # heading in its middle by the wheels, less by the attitude
 
     @property
     def is_open(self) -> bool:
@@ -47,9 +51,12 @@ class BlindWay:
             lost = self.is_open and not (sure and abs(self._off_rad) <= AGREE_RAD)
             self.restart()
             return lost
+        self.off_rad = self._off_rad + (wheels_rad - turned_rad) / 2
         self._way_m += abs(travel_m)
         self._turn_rad += abs(wheels_rad)
+        self._net_rad += wheels_rad
         self._off_rad += wheels_rad - turned_rad
-        self.step_m = abs(travel_m) * (self._turn_rad + ASKEW_RAD)
+        turned_back_rad = (self._turn_rad - abs(self._net_rad)) / 2
+        self.step_m = abs(travel_m) * (AGREE_RAD + ASKEW_RAD + turned_back_rad)
         self._hidden_m += self.step_m
         return self._hidden_m > HIDDEN_M

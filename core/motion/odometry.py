@@ -218,6 +218,7 @@ class Odometry:
         if self._on_rail and not self._holds_course(middle_rad, turned_rad):
             self._break(counts.t_s, "the robot has turned, which no straight rail lets it")
             return
+        middle_rad += self._blind.off_rad
         dx_m, dy_m, dz_m = self._along(travel_m * self.scale, pitch_rad, middle_rad)
         unseen_m = max(hidden_m if dt_s > GAP_S else 0.0, self._blind.step_m)
         paid_x_m, paid_y_m = self._lay_down(dt_s, dx_m, dy_m, unseen_m)

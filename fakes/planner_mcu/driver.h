@@ -71,7 +71,8 @@ struct driver {
     uint32_t session;
     bool has_session;
     uint32_t steps;       /* since the goal was set */
-    uint32_t since;       /* steps in this behaviour */
+    uint32_t since;       /* steps in this behaviour, */
+    struct point begun;   /* and where it was begun */
     uint32_t field_steps; /* since the field in work was begun */
     uint32_t stuck;       /* steps without a motion worth asking for */
     uint32_t refused;     /* steps in which the robot did not move although it was asked to */

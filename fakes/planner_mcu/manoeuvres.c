@@ -21,6 +21,7 @@
 #define MOST_DOUBTS 3u     /* for one goal */
 #define DOUBTS 25u        /* steps without any path, until obstacles are doubted */
 #define BACK_MM 2600
+#define TURN_MM 800       /* at least, before it turns: where it stood it got stuck */
 #define WAIT_STEPS 60u
 #define CROSSED_MOST 100u     /* steps */
 #define CROSSED_MMPS 50       /* slower is standing */
@@ -181,7 +182,8 @@ static struct motion back(struct driver *driver, const struct limits *limits)
     struct motion motion = {0, 0};
     driver->why = (uint8_t)DRIVER_WHY_BACKS;
     driver->back_mm -= (magnitude(driver->moves.v_mmps) * (int32_t)DRIVER_PERIOD_MS) / 1000;
-    if ((driver->then != RECOVERY_NONE) && recovery_has_room(driver)) {
+    if ((driver->then != RECOVERY_NONE) &&
+        (apart_mm(driver->begun, driver->place.at) >= TURN_MM) && recovery_has_room(driver)) {
         recovery_begin(driver, (enum recovery)driver->then);
         return standing;
     }

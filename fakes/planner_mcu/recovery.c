@@ -23,6 +23,7 @@ void recovery_begin(struct driver *driver, enum recovery recovery)
 {
     driver->recovery = (uint8_t)recovery;
     driver->since = 0u;
+    driver->begun = driver->place.at;
     driver->stuck = 0u;
     driver->turned = 0;
     driver->doubts = false;

@@ -10,8 +10,8 @@
 #define RUN_MM 1200     /* to be driven from there towards it */
 #define SHORT_MM 600    /* of the line of sight, that need not be clear at its end */
 #define UNSEEN_SHARE 4  /* of a line of sight, at most: behind more, a wall may stand unseen */
-#define STRIDE 3        /* cells from one point that is tried to the next */
-#define ROWS 4          /* of points, in one step */
+#define STRIDE 2        /* cells from one point that is tried to the next */
+#define ROWS 6          /* of points, in one step */
 #define AIM_CELLS 5u    /* of the path, from one of what is to be seen to the next, */
 #define AIM_TIMES 2u    /* so often, */
 #define ASIDE_MM 400    /* and so far to either side */

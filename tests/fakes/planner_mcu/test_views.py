@@ -11,6 +11,7 @@ from tests.support.cases import few
 from tests.support.link.c_bench import CELL_M, Bench, set_out
 from tools.rig.planner.build import shipped_robot
 from tools.rig.planner.host import PlannerSettings
+from tools.rig.runs.one_run import Run, RunSpec
 
 GOAL = (8.0, 0.0)
 
@@ -108,3 +109,12 @@ def test_what_stays_on_the_way_is_driven_round_after_a_look_from_farther_back() 
     assert bench.state.state == "arrived"
     lowest = ways.index(min(ways[20:]))
     assert max(ways[:lowest]) > ways[lowest] + 1.0 > at_m
+
+
+@pytest.mark.slow
+def test_who_gets_stuck_as_it_turns_towards_a_view_goes_well_back_before_it_turns_again() -> None:
+    """Round a corner, ground beside the robot was not seen, and it can't turn where it stands."""
+    run = Run(RunSpec("turn", 232469, limit_s=130.0))
+    while not run.ended and run.goals.reached == 0:
+        run.step()
+    assert run.goals.reached == 1

@@ -4,6 +4,7 @@ A counter that stands still looks like a robot that does, whatever the robot doe
 be sent on by a short way that its counter does not follow; then the counters are not believed until
 they move, or begin anew. It is not enough that the commander lets go: one who does so every second
 would inch the robot ahead unseen. Counters that are not read are no matter of this: they are stale.
+Nor is a controller that says that it gives the wheels no power: then they had none to follow.
 Source: design, section 8.
 """
 
@@ -44,7 +45,7 @@ class StallWatch:
     def counted(self, counts: WheelCounts) -> None:
         last, self._last = self._last, counts
         sent_m, self._sent_m = self._sent_m, [0.0, 0.0]
-        if last is None or counts.restarts != last.restarts:
+        if last is None or counts.restarts != last.restarts or counts.cut_off:
             self._unfollowed_m = [0.0, 0.0]
         else:
             for k, moved in enumerate((counts.left - last.left, counts.right - last.right)):

@@ -393,7 +393,8 @@ class Ax3500(Device[WheelCounts]):
                 (left, left_sign), (right, right_sign) = self._left, self._right
                 turned = left_sign * travel[left], right_sign * travel[right]
                 restarts, unpowered = self._counters.restarts, self._counters.unpowered
-                measured.append(WheelCounts(taken.t_s, *turned, restarts, unpowered))
+                cut_off = self.stream.controller.cuts_off
+                measured.append(WheelCounts(taken.t_s, *turned, restarts, unpowered, cut_off))
             elif taken is not None:
                 self.status.reject(taken)
         self.stream.readings = []

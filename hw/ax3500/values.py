@@ -21,6 +21,7 @@ STATUS_BITS = {
     6: "encoder error",
     7: "emergency stop",
 }
+POWER_OFF = 0b1010_1111  # bits with which the counters may still be believed
 AMPS_DIVIDERS = {3: 2.0, 1: 4.0, 2: 1.0}  # bit of the identity: AX3500, AX1500, AX2500/2850
 
 Both = tuple[float, float]
@@ -37,6 +38,12 @@ class ControllerState(Struct, frozen=True):
     status: int | None = None  # bits of ^89
     taken_s: dict[str, float] = {}  # host clock, by query
     trouble: str = ""  # why the motors get nothing; "" where nothing is known against them
+
+    @property
+    def cuts_off(self) -> bool:
+        """Whether it says that the power stage is off, which is all that is wrong."""
+        status = self.status or 0
+        return bool(self.emergency_stop) or (bool(status) and not status & ~POWER_OFF)
 
     def measured(self) -> dict[str, float]:
         numbers = {"battery_v": self.battery_v, "internal_v": self.internal_v}

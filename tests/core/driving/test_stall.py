@@ -81,6 +81,17 @@ def test_it_is_over_when_the_counters_begin_anew() -> None:
     assert not wheels.watch.stalled
 
 
+def test_it_is_over_when_the_controller_says_that_the_wheels_had_no_power() -> None:
+    wheels = Wheels()
+    wheels.run(1.0, (0.5, 0.5), (0.0, 0.0))
+    assert wheels.watch.stalled
+    left, right = wheels.counts
+    wheels.watch.counted(WheelCounts(wheels.now_s, left, right, 0, cut_off=True))
+    assert not wheels.watch.stalled
+    wheels.run(1.0, (0.5, 0.5), (0.0, 0.0))
+    assert wheels.watch.stalled, "power again, and the counters stand still"
+
+
 @pytest.mark.parametrize("wheel", [0, 1])
 @pytest.mark.parametrize(("short_m", "stalled"), [(0.151, True), (0.149, False)])
 def test_a_wheel_may_be_sent_on_by_so_much_more_than_five_times_what_it_turned(

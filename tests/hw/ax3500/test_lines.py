@@ -168,6 +168,19 @@ def test_status_bits_have_names() -> None:
 
 
 @pytest.mark.parametrize(
+    ("status", "cut_off"),
+    [(0x00, False), (0x01, True), (0x82, True), (0x40, False), (0x41, False), (0x10, False)],
+)
+def test_counts_tell_that_the_wheels_have_no_power_but_not_where_counters_may_be_wrong(
+    status: int, cut_off: bool
+) -> None:
+    bench = FakeBench()
+    bench.run(2.0)
+    bench.fake.status = status
+    assert [counts.cut_off for counts in bench.run(3.0)][-1] is cut_off
+
+
+@pytest.mark.parametrize(
     ("query", "texts"),
     [("?E", ["70", "G0"]), ("?E", ["70"]), ("?I", ["00", "00", "02"]), ("?A", ["1", "00"])],
 )

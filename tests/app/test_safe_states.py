@@ -173,6 +173,7 @@ def test_an_attitude_that_gravity_contradicts_is_not_believed_until_both_agree(
     assert commander.blocked_by == "the pose is not known"
     commander.run(ORDER_S + LOOK_S)
     assert commander.loop.rig.drive.powers() == (0, 0)
+    assert commander.loop.app.monitor.why == ""  # it was the pilot that stopped it
     if not again:
         return
     commander.run(2.0)

@@ -355,7 +355,8 @@ def warm_kernels(config: Config) -> None:
     app = App(config, no_ports(config), session=0)
     level = (1.0, 0.0, 0.0, 0.0)
     for t_s in (0.0, 0.05):
-        app.mapper.add_attitude(Attitude(t_s, level, (0.0, 0.0, 0.0)))
+        upright = (0.0, 0.0, 9.81)
+        app.mapper.add_attitude(Attitude(t_s, level, (0.0,) * 3, accel_mps2=upright))
         app.mapper.add_counts(WheelCounts(t_s, 0.0, 0.0, 0))
         if config.motion.source == "external":
             app.mapper.odometry.add_external(

@@ -149,7 +149,7 @@ class StateLog:
         self.maybe_cleaner: Cleaner | None = None  # who plans paths over the floor
         self.statuses = {name: device.status for name, device in self._devices.items()}
         self._states = {"": ("", ""), "requests": ("", ""), "poses": ("", ""), "monitor": ("", "")}
-        self._states["coverage doubted"] = ("", "")
+        self._states["coverage doubted"] = self._states["attitude"] = ("", "")
         self._begun = (-1, 0, planners.session, False)  # see `_tell_restarts`; -1: not known yet
         self._rejected = [0] * len(planners.links)  # answers, as far as told
         self._counted_s = self._measured_s = float("-inf")
@@ -170,6 +170,9 @@ class StateLog:
             LOG.warning("drive_requests_changed", refused_because=requests.last_refusal)
         if self._has_changed("poses", "", poses.last_refusal):
             LOG.warning("external_poses_changed", refused_because=poses.last_refusal)
+        if self._has_changed("attitude", "", self._mapper.doubt):
+            tell = LOG.warning if self._mapper.doubt else LOG.info
+            tell("attitude_changed", doubted_because=self._mapper.doubt)
         self._tell_cleaner()
         self._tell_restarts()
         if now_s - self._counted_s >= COUNTS_S:
@@ -284,6 +287,7 @@ class StateLog:
             scans_early=counts.scans_early,
             scans_tilted=counts.scans_tilted,
             maps_erased=counts.erased,
+            attitudes_doubted=self._mapper.gravity.times,
             **self._planners.counters,
             drives_obeyed=requests.accepted,
             drives_refused=requests.refused.total(),

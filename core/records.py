@@ -99,12 +99,13 @@ class ScannerSpec(Struct, frozen=True, eq=False):
 
 
 class Attitude(Struct, frozen=True, eq=False):
-    """Orientation and rate of turn of the attitude sensor's case."""
+    """Orientation and rate of turn of the attitude sensor's case, and what it feels."""
 
     t_s: float  # host monotonic clock, of the sampling instant
     q_earth_sensor: tuple[float, float, float, float]  # w x y z, unit; earth frame has z up
     rate_radps: tuple[float, float, float]  # about sensor x, y, z; NaN where not delivered
     magnetic: tuple[float, float, float] | None = None  # sensor x, y, z; 1: field at calibration
+    accel_mps2: tuple[float, float, float] | None = None  # sensor x, y, z, with gravity: up at rest
 
 
 class WheelCounts(Struct, frozen=True, eq=False):

@@ -20,6 +20,7 @@ from core.mapping.method import MAX_SLOPE_RAD, Maps
 from core.mapping.rays import check_sweep, span_s
 from core.mapping.shadows import ShadowFilter
 from core.motion.attitude import AttitudeRing
+from core.motion.gravity import WHY, WHY_AGAIN, GravityCheck
 from core.motion.odometry import Odometry
 from core.motion.pose_track import PoseTrack
 from core.motion.shift import Shift, maybe_shift
@@ -75,12 +76,14 @@ class Mapper:
     def __init__(self, config: Config) -> None:
         robot, ahrs = config.robot, config.ahrs
         is_paper = config.map.method == "reference_plane"  # which takes the sensor's angles
-        self.attitudes = AttitudeRing(
+        mount_rpy_rad = (
             math.radians(ahrs.mount_roll_deg),
             math.radians(ahrs.mount_pitch_deg),
             math.radians(ahrs.mount_yaw_deg),
-            levels=not is_paper,
         )
+        self.attitudes = AttitudeRing(*mount_rpy_rad, levels=not is_paper)
+        self.gravity = GravityCheck(robot.max_speed_mps, mount_rpy_rad)
+        self._doubt_changes = 0  # of it, as far as the maps know
         self._by_poses = config.motion.source == "external"
         if self._by_poses:
             self.odometry: Track = PoseTrack(self.attitudes)
@@ -131,7 +134,9 @@ class Mapper:
 
     def add_attitude(self, attitude: Attitude) -> None:
         self._pose_s = math.nan
-        self.attitudes.add(attitude)
+        felt = attitude.accel_mps2
+        if self.attitudes.add(attitude) and felt is not None:
+            self.gravity.take(attitude.t_s, felt, self.attitudes)
 
     def add_counts(self, counts: WheelCounts) -> None:
         self.delivered_counts_s = max(self.delivered_counts_s, counts.t_s)
@@ -146,9 +151,18 @@ class Mapper:
             self._waiting.popleft()
             self.counts.scans_dropped += 1
 
+    @property
+    def doubt(self) -> str:
+        """Why the attitude is not to be believed, in words; "": it is."""
+        return WHY if self.gravity.doubted else ""
+
     def settle(self, now_s: float) -> int:
         """Map the scans that attitude and pose reach by now; returns how many."""
-        if not (self._waiting or self.odometry.waits):
+        if self.gravity.changes != self._doubt_changes:  # by a wrong tilt floor may look free
+            self._doubt_changes = self.gravity.changes
+            self.odometry.break_off(self.doubt or WHY_AGAIN)
+        is_broken = self.odometry.breaks != self._breaks
+        if not (self._waiting or self.odometry.waits or is_broken):
             return 0
         self._pose_s = math.nan
         self.odometry.settle()
@@ -226,7 +240,8 @@ class Mapper:
     def maybe_pose(self, now_s: float) -> Pose | None:
         """The body's pose now, or none; what is taken in meanwhile counts from `settle` on."""
         if now_s != self._pose_s:
-            self._pose, self._pose_s = self.odometry.maybe_pose(now_s), now_s
+            pose = None if self.gravity.doubted else self.odometry.maybe_pose(now_s)
+            self._pose, self._pose_s = pose, now_s
         return self._pose
 
     def maybe_layer(self, name: str, *, footing: Footing = USUAL) -> LayerView | None:

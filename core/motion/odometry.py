@@ -142,6 +142,11 @@ class Odometry:
         travel(self._state.P, 0.0, 0.0, slipped_m**2, 0.0)  # the place is less sure by as much
         self._state.correct_some((X, Y, SCALE), h, -slipped_m, SIGMA_M**2)
 
+    def break_off(self, why: str) -> None:
+        """What was mapped up to now is not believed any more: go on from the same place."""
+        if self.started:
+            self._break(self.newest_s, why)
+
     @property
     def waits(self) -> bool:
         """Whether counts or poses wait for their attitudes."""

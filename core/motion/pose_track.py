@@ -163,6 +163,14 @@ class PoseTrack:
     def correct_slip(self, along: tuple[float, float], slipped_m: float) -> None:
         """Nothing slips: the places are measured."""
 
+    def break_off(self, why: str) -> None:
+        """What was mapped up to now is not believed any more: go on from the same place."""
+        if self.started:
+            newest_s, newest_m = self._path.newest_s, self._path.newest_m
+            self._path.forget()
+            self._path.append(newest_s, *newest_m)
+            self.breaks, self.broken_by = self.breaks + 1, why
+
     def add_external(self, pose: ExternalPose) -> bool:
         """Take a pose; False if it can't be true, or is no newer one."""
         if not is_sound(pose) or pose.t_s < self._pose_s + LEAST_S:

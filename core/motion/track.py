@@ -70,6 +70,9 @@ class Track(Protocol):
     def settle(self) -> None:
         """Use what has come, as far as attitudes have arrived for it."""
 
+    def break_off(self, why: str) -> None:
+        """What was mapped up to now is not believed any more: go on from the same place."""
+
     def covers(self, from_s: float, to_s: float) -> bool:
         """True if the position is known, or well continued, from..to."""
 

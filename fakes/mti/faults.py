@@ -39,6 +39,7 @@ class Faults:
 
     nan: bool = False  # all numbers
     yaw_jump_rad: float = 0.0
+    tilt_off_rad: F64 = field(default_factory=lambda: np.zeros(2))  # roll, pitch: told too much
     sheet_errors: bool = False  # True: as wrong as the sheet says it may be
     angle_noise_rad: float = math.radians(0.05)
     rate_noise_radps: float = math.radians(0.3)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fakes.mti.errors import ACCEL_NOISE_MPS2, RATE_NOISE_RADPS, SheetErrors
 from fakes.mti.faults import Faults
-from fakes.mti.kernels import told, warm
+from fakes.mti.kernels import times, told, turn_about, warm
 from fakes.mti.memory import BAD_PARAMETER, Memory
 from fakes.mti.messages import Sample
 from fakes.wires.timing import F64
@@ -88,6 +88,9 @@ class Sensor:
             accel_noise = max(accel_noise, ACCEL_NOISE_MPS2)
             rate_noise = max(rate_noise, RATE_NOISE_RADPS)
         sigmas = (faults.angle_noise_rad, accel_noise, rate_noise, faults.magnetic_noise)
+        if faults.tilt_off_rad.any():
+            roll_rad, pitch_rad = faults.tilt_off_rad.tolist()
+            R_believed = times(R_believed, turn_about(roll_rad, pitch_rad, 0.0))
         R, vectors, clipped = told(
             R_true, R_believed, accel_mps2, rate_radps, field, self._pulled_by(field, t_s),
             sigmas, noise, accel_off, rate_off, FULL, self._earth(), self._A,

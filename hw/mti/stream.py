@@ -158,7 +158,8 @@ class StreamReader:
             if sample.q_earth_sensor is not None:
                 t_s = self.times.t_s(sample, frame.arrived_s, frame.wire_bytes)
                 rate_radps = sample.rate_radps or (math.nan, math.nan, math.nan)
-                attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps, sample.magnetic))
+                field, felt = sample.magnetic, sample.accel_mps2
+                attitudes.append(Attitude(t_s, sample.q_earth_sensor, rate_radps, field, felt))
         is_error_new = now_s - self._error_s < ERROR_SHOWN_S
         self.remark = self._error if is_error_new else self._stream.remark or self._watch.remark
         return attitudes

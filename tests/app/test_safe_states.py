@@ -3,6 +3,7 @@
 The times follow from the constants that docs/safety.md cites. Simulated time alone.
 """
 
+import math
 import re
 
 import numpy as np
@@ -12,6 +13,8 @@ from app import LOOK_S
 from core.driving import health
 from core.driving.control import ORDER_S
 from core.driving.health import AHRS_STALE_S, WHEELS_STALE_S, stale_s
+from core.motion.gravity import BLOCK_S, SHEET_RAD, SPAN_S, SWAY_MPS
+from core.motion.lean import GRAVITY_MPS2
 from core.motion.wheel_check import IGNORED_RAD
 from core.records import FREE
 from fakes.scenes.scene import Solid
@@ -151,6 +154,38 @@ def test_an_attitude_that_stands_still_while_the_wheels_turn_is_not_believed_for
     assert commander.blocked_by == "the pose is not known"
     assert not commander.health & health.POSE_VALID
     assert free_cells(commander) == 0
+
+
+@pytest.mark.parametrize("again", few([False, True], 1))
+def test_an_attitude_that_gravity_contradicts_is_not_believed_until_both_agree(
+    again: bool,
+) -> None:
+    """Its angles are wrong by 6 degrees, and so are those told; what it feels is right."""
+    commander = driving()
+    sensor, mapper = commander.loop.rig.ahrs, commander.loop.app.mapper
+    sensor.tilt_off_rad = np.radians([0.0, 6.0])
+    most_mps, left = 2.0 * 1.0 + SWAY_MPS, math.sin(math.radians(6.0)) - SHEET_RAD
+    commander.run(most_mps / (GRAVITY_MPS2 * left) + BLOCK_S + 2 * TICK_S)
+    assert mapper.gravity.times == mapper.counts.erased == 1
+    assert mapper.doubt == mapper.odometry.broken_by
+    assert not commander.health & (health.POSE_VALID | health.MAP_VALID)
+    assert commander.health & health.AHRS_OK  # it delivers
+    assert commander.blocked_by == "the pose is not known"
+    commander.run(ORDER_S + LOOK_S)
+    assert commander.loop.rig.drive.powers() == (0, 0)
+    assert commander.loop.app.monitor.why == ""  # it was the pilot that stopped it
+    if not again:
+        return
+    commander.run(2.0)
+    assert free_cells(commander) == 0
+    sensor.tilt_off_rad = np.zeros(2)
+    commander.run(SPAN_S + BLOCK_S + TICK_S)
+    assert (mapper.doubt, mapper.gravity.times, mapper.counts.erased) == ("", 1, 2)
+    commander.run(1.0)
+    assert commander.health & health.MAP_VALID
+    assert free_cells(commander) > 50
+    comparison = compare(commander.loop)
+    assert comparison.free_on_obstacle == []
 
 
 def test_the_wall_clock_is_read_for_what_people_read_alone() -> None:

@@ -9,7 +9,7 @@ from tests.support.paper import constants_of_code, constants_of_paper
 
 FILES = [
     ROOT / "core" / "motion" / f"{name}.py"
-    for name in ("error_state", "orientation", "tilt", "lean", "rest", "compass")
+    for name in ("error_state", "orientation", "tilt", "lean", "rest", "compass", "gravity")
 ]
 PAPER_TEXT = (ROOT / "docs" / "motion.md").read_text(encoding="utf-8")
 (CODE, DERIVED), PAPER = constants_of_code(FILES), constants_of_paper(PAPER_TEXT, 3)

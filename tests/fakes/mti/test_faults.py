@@ -72,6 +72,16 @@ def test_a_yaw_jump_turns_the_orientation_and_not_the_rates() -> None:
     assert after[11] - before[11] == pytest.approx(math.degrees(-0.5), abs=1e-4)
 
 
+def test_a_tilt_that_is_off_is_in_the_angles_and_in_nothing_else() -> None:
+    bench = Bench()
+    bench.configure(wire("SetOutputMode"), wire("SetOutputSettings"))
+    before = struct.unpack(">12f", messages(bench.listen(0.1))[-1][:48])
+    bench.fake.tilt_off_rad = np.array([0.05, 0.0])
+    after = struct.unpack(">12f", messages(bench.listen(0.1))[-1][:48])
+    assert after[:9] == before[:9]
+    assert after[9] - before[9] == pytest.approx(math.degrees(0.05), abs=1e-3)
+
+
 def test_the_first_acknowledgements_are_swallowed_and_obeyed() -> None:
     bench = Bench()
     bench.fake.deaf_acks = 2

@@ -61,6 +61,11 @@ def test_every_model_gives_the_attitudes_of_the_world_with_x_to_the_north(model:
         assert attitude.magnetic is not None
         R, _, _ = motion_at(attitude.t_s)
         np.testing.assert_allclose(R @ attitude.magnetic, bench.device.earth_field, atol=0.02)
+        if model in ("MTi-28", "MTi-G"):  # newer ones are not asked for what they feel
+            felt = motion_at(attitude.t_s)[2]
+            np.testing.assert_allclose(attitude.accel_mps2 or (), felt, atol=0.12)
+        else:
+            assert attitude.accel_mps2 is None
 
 
 @pytest.mark.parametrize(("model", "forgets"), [("MTi-28", False), *((m, True) for m in MODELS)])

@@ -86,6 +86,9 @@ class GivenTrack:
     def correct_slip(self, along: tuple[float, float], slipped_m: float) -> None:
         """Nothing slips."""
 
+    def break_off(self, why: str) -> None:
+        """All places stay those that are told."""
+
     def settle(self) -> None:
         """Nothing waits."""
 

@@ -165,7 +165,8 @@ SCANNER = (
 # Attitude sensor. Source: docs/devices.md, docs/maps.md, docs/architecture.md
 
 NO_ATTITUDE = "no attitude for 0.15 s: it brakes, and the wheels tell that way"
-NOT_USED = "not used: attitude and rate of turn are all that mapod takes"
+GRAVITY = "angles and gravity contradict each other: what was mapped so is not believed"
+AGREES_S = 12.0  # of which both have to agree for ten
 FIELD = "the gyro carries the heading, a field that is not the earth's does not count"
 ONE = "one message is missing, the next one is there in time"
 JUMP = "a counter that jumps makes the clock doubtful until it is known again"
@@ -220,9 +221,12 @@ AHRS = (
     goes_on("ahrs.earth_field", FIELD, "0.0,0.4,-0.9"),
     goes_on("ahrs.magnetic_noise", FIELD, "0.3"),
     goes_on("ahrs.pull_s", FIELD, "0.1", also=("ahrs.earth_field=0.2,0.35,-0.9",)),
-    goes_on("ahrs.accel_bias_mps2", NOT_USED, "1,0,0"),
-    goes_on("ahrs.accel_noise_mps2", NOT_USED, "1"),
-    goes_on("ahrs.temperature_deg", NOT_USED, "80"),
+    *(
+        stops(name, GRAVITY, value, 8.0, stands_s=6.0, recovers_s=AGREES_S, again=False)
+        for name, value in (("ahrs.tilt_off_rad", "0,0.105"), ("ahrs.accel_bias_mps2", "1,0,0"))
+    ),
+    goes_on("ahrs.accel_noise_mps2", "it averages out", "1"),
+    goes_on("ahrs.temperature_deg", "not used", "80"),
 )
 
 # Motor controller, and the planner's end. Source: docs/devices.md, README ("Before motors move"),

@@ -23,7 +23,7 @@ from core.motion.attitude import AttitudeRing
 from core.motion.gravity import WHY, WHY_AGAIN, GravityCheck
 from core.motion.odometry import Odometry
 from core.motion.pose_track import PoseTrack
-from core.motion.shift import Shift, maybe_shift
+from core.motion.shift import Shift
 from core.motion.track import Pose, Track
 from core.records import F64, I64, Attitude, ObstacleMap, PointSweep, Scan, WheelCounts
 
@@ -95,6 +95,7 @@ class Mapper:
                 robot.gear_ratio,
                 robot.track_width_m,
                 on_rail=config.motion.source == "rail",
+                robot=robot,
             )
         self.scanned = _maps_of(config)  # of the scanner alone
         self._maybe_combined = _maybe_combined(config, self.scanned)
@@ -103,10 +104,7 @@ class Mapper:
         self.counts = MapperCounts()
         self.continued = False  # the map is that of an earlier run
         self.off_start_m = 0.0  # it may be off by so much from where this run began; inf: any way
-        self._robot, self._may_carry = (
-            robot,
-            not config.has_camera and config.map.method == "surface",
-        )
+        self._may_carry = not config.has_camera and config.map.method == "surface"
         self.newest_scan_s = float("-inf")  # instant of the last beam of the newest scan mapped
         self.newest_scan: Scan | PointSweep | None = None  # itself; none since the map was erased
         self.delivered_scan_s = float("-inf")  # the same of the newest scan there was
@@ -169,7 +167,7 @@ class Mapper:
         if self.odometry.breaks != self._breaks:
             is_one = self.odometry.breaks == self._breaks + 1
             self._breaks = self.odometry.breaks
-            shift = self._maybe_shift() if is_one else None
+            shift = self.odometry.maybe_shift if is_one and self._may_carry else None
             self.erase() if shift is None else self._begin_anew(shift)
         added = 0
         while self._waiting:
@@ -222,13 +220,6 @@ class Mapper:
         self.newest_scan_s, self.newest_scan = float("-inf"), None
         self.counts.erased += 1
         self.off_start_m = math.inf
-
-    def _maybe_shift(self) -> Shift | None:
-        """How the robot has moved over the newest break; None: nobody knows."""
-        gap = self.odometry.maybe_gap
-        if gap is None or not self._may_carry:
-            return None
-        return maybe_shift(gap, self.attitudes, self.odometry.yaw_start_rad, self._robot)
 
     def _begin_anew(self, shift: Shift) -> None:
         """A new map, under which lies what still holds of the old one."""

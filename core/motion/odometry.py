@@ -20,11 +20,12 @@ from core.motion.blind import GAP_S, HIDDEN_M, BlindWay
 from core.motion.error_state import H_YAW, SCALE, SIZE, YAW, X, Y, lay_step, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
 from core.motion.path import Path, Place
-from core.motion.shift import Gap
+from core.motion.shift import Gap, Shift, maybe_shift
 from core.motion.slip import SIGMA_M
 from core.motion.track import Pose
 from core.motion.wheel_check import Turn, WheelCheck
 from core.records import F64, ExternalPose, WheelCounts
+from core.run_settings import Robot
 
 EXTRAPOLATED_S = 0.4  # longest going on at the last speed: one lost exchange at 9600 baud
 WAITING = 256  # pairs that may wait for an attitude to cover them: 8 s at 30 pairs per second
@@ -52,8 +53,15 @@ class Odometry:
         track_width_m: float,
         *,
         on_rail: bool = False,
+        robot: Robot | None = None,
     ) -> None:
-        """`on_rail`: the left counter tells the way, along a straight line."""
+        """A new one.
+
+        Args:
+            on_rail: the left counter tells the way, along a straight line.
+            robot: bounds how far it can have gone while nobody counted; None: no bound.
+        """
+        self._robot = robot
         self._on_rail, self._course_rad, self._is_off = on_rail, 0.0, False
         self._attitudes, self._state = attitudes, attitudes.orientation.state
         self._m_per_count = 2 * math.pi * wheel_radius_m / (4 * encoder_ppr * gear_ratio)
@@ -73,7 +81,7 @@ class Odometry:
         self.v_mps = self.w_radps = 0.0  # both from the wheels
         self.breaks = 0
         self.broken_by = ""  # why it broke last, in words
-        self.maybe_gap: Gap | None = None
+        self.maybe_shift: Shift | None = None
         self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
 
     @property
@@ -178,8 +186,8 @@ class Odometry:
         elif last is None or self._replaced:
             self._resume(counts.t_s)
         elif counts.restarts != last.restarts:
-            gap = self._maybe_gap(last, counts)
-            self._break(counts.t_s, "the wheels' counters began anew", gap)
+            shift = self._maybe_shift(last, counts)
+            self._break(counts.t_s, "the wheels' counters began anew", shift)
         elif counts.t_s > self.newest_s:
             self._travel(last, counts, wrapped(yaw_rad - self._yaw_last_rad))
         self._last, self._yaw_last_rad, self._replaced = counts, yaw_rad, False
@@ -274,19 +282,22 @@ class Odometry:
             -travel_m * math.sin(pitch_rad),
         )
 
-    def _maybe_gap(self, last: WheelCounts, counts: WheelCounts) -> Gap | None:
-        """What is known of counters that began anew between both; None: too little."""
+    def _maybe_shift(self, last: WheelCounts, counts: WheelCounts) -> Shift | None:
+        """Where the body is, whose counters began anew between both; None: nobody knows."""
         is_known = counts.unpowered and counts.restarts == last.restarts + 1
-        if not is_known or self.wheels.slipping:
+        if not is_known or self.wheels.slipping or self._robot is None:
             return None
         owed_m = math.hypot(*self._state.value[[X, Y]].tolist())
-        return Gap(last.t_s, counts.t_s, self.v_mps, owed_m)
+        gap = Gap(last.t_s, counts.t_s, self.v_mps, owed_m)
+        return maybe_shift(gap, self._attitudes, self.yaw_start_rad, self._robot)
 
-    def _break(self, t_s: float, why: str, maybe_gap: Gap | None = None) -> None:
-        """Go on from the same place, as an island of its own."""
-        place_m = self._path.newest_m
+    def _break(self, t_s: float, why: str, shift: Shift | None = None) -> None:
+        """Go on from the same place, or the middle of where it can be, as an island of its own."""
+        (x_m, y_m, z_m, driven_m), (dx_m, dy_m) = self._path.newest_m, (0.0, 0.0)
+        if shift is not None:
+            dx_m, dy_m = shift.moved_m
         self._path.forget()
-        self._path.append(t_s, *place_m)
+        self._path.append(t_s, x_m + dx_m, y_m + dy_m, z_m, driven_m)
         for row in (X, Y):
             self._state.forget(row, 0.0)
             self._state.value[row] = 0.0
@@ -294,7 +305,7 @@ class Odometry:
         self.wheels.restart()
         self._blind.restart()
         self.v_mps = self.w_radps = 0.0
-        self.breaks, self.broken_by, self.maybe_gap = self.breaks + 1, why, maybe_gap
+        self.breaks, self.broken_by, self.maybe_shift = self.breaks + 1, why, shift
 
     # From a positioning system
 
@@ -343,7 +354,7 @@ class Odometry:
         turn_rad = self._attitudes.orientation.pay_all()
         self._attitudes.turn_all(turn_rad)
         self._yaw_last_rad += turn_rad
-        self.breaks, self.maybe_gap = self.breaks + 1, None
+        self.breaks, self.maybe_shift = self.breaks + 1, None
         self.broken_by = "the positioning system says that the robot is far from where it seemed"
 
     # What is known of an instant

@@ -32,7 +32,7 @@ from core.motion.external_pose import (
     rotation,
 )
 from core.motion.path import Path, Place
-from core.motion.shift import Gap
+from core.motion.shift import Shift
 from core.motion.track import Pose
 from core.records import F64, ExternalPose, WheelCounts
 
@@ -124,7 +124,7 @@ class PoseTrack:
         self.w_radps = 0.0
         self.breaks = 0
         self.broken_by = ""
-        self.maybe_gap: Gap | None = None
+        self.maybe_shift: Shift | None = None
         self.outliers = 0
         self.corrected_m: F64 = np.zeros(2)  # none: every place is measured
 

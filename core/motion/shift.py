@@ -35,17 +35,17 @@ class Gap(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """Where a body can be, as seen from where it is told to be, in the map frame."""
+    """Where a body can be, in the map frame: a strip, in whose middle it is told to be."""
 
+    moved_m: tuple[float, float]  # x, y: from where it was told to be before, to that middle
     heading: tuple[float, float]  # unit vector along the strip
-    least_m: float  # along that, signed
-    most_m: float
-    aside_m: float  # to either side of it
+    half_m: float  # along that, to either end
+    aside_m: float  # to either side
 
     @property
     def reach_m(self) -> float:
-        """How far it can be at most."""
-        return math.hypot(max(-self.least_m, self.most_m), self.aside_m)
+        """How far from the middle it can be at most."""
+        return math.hypot(self.half_m, self.aside_m)
 
     def cells(self, cell_m: float) -> I64:
         """All (k, 2) steps from a cell to one that a point of it can be in: i, j."""
@@ -53,27 +53,27 @@ class Shift(NamedTuple):
         i, j = np.mgrid[-n : n + 1, -n : n + 1].reshape(2, -1)
         # the strip and the square of all steps between points of two such cells: apart along an
         # edge of either, if they are
-        middle, half = (self.least_m + self.most_m) / 2, (self.most_m - self.least_m) / 2
-        x, y = i * cell_m - c * middle, j * cell_m - s * middle
-        wide = cell_m * (abs(c) + abs(s))
-        meets = abs(c * x + s * y) < half + wide
+        x, y, wide = i * cell_m, j * cell_m, cell_m * (abs(c) + abs(s))
+        meets = abs(c * x + s * y) < self.half_m + wide
         meets &= abs(c * y - s * x) < self.aside_m + wide
-        meets &= abs(x) < cell_m + half * abs(c) + self.aside_m * abs(s)
-        meets &= abs(y) < cell_m + half * abs(s) + self.aside_m * abs(c)
+        meets &= abs(x) < cell_m + self.half_m * abs(c) + self.aside_m * abs(s)
+        meets &= abs(y) < cell_m + self.half_m * abs(s) + self.aside_m * abs(c)
         return np.stack([i[meets], j[meets]], axis=1)
 
 
 def rolled_m(v_mps: float, passed_s: float, robot: Robot, slope_mps2: float) -> float:
-    """The farthest way with a speed of v_mps, or against one below 0; metres, not below 0.
+    """The farthest way with a speed of v_mps, or against one below 0; metres.
 
-    While its motors may have power it speeds up, to its fastest; then it slows down.
+    While its motors may have power it speeds up, to its fastest; then it slows down. Below 0: so
+    far at least it has gone the other way, for no brake is stronger than LAG times its own.
     """
     accel, brake = LAG * robot.max_accel_mps2, robot.brake_mps2
-    powered_s = max(0.0, passed_s - RESTART_S)
-    back_m = slope_mps2 * passed_s**2 / 2
-    if v_mps < 0.0:  # no brake is so strong: then it may turn round
-        turned_s = min(powered_s, -v_mps / (LAG * brake + slope_mps2))
-        powered_s, passed_s, v_mps = powered_s - turned_s, passed_s - turned_s, 0.0
+    powered_s, back_m = max(0.0, passed_s - RESTART_S), 0.0
+    if v_mps < 0.0:  # it may turn round
+        stops = LAG * brake + slope_mps2
+        stopped_s = min(passed_s, -v_mps / stops)
+        back_m = v_mps * stopped_s + stops * stopped_s**2 / 2
+        powered_s, passed_s, v_mps = max(0.0, powered_s - stopped_s), passed_s - stopped_s, 0.0
     top_mps = max(v_mps, robot.max_speed_mps)
     speeds_s = min(powered_s, (top_mps - v_mps) / accel)
     end_mps = v_mps + accel * speeds_s
@@ -81,7 +81,7 @@ def rolled_m(v_mps: float, passed_s: float, robot: Robot, slope_mps2: float) -> 
     left_s, slows = passed_s - powered_s, brake - slope_mps2
     rolls_s = min(left_s, end_mps / slows) if slows > 0.0 else left_s
     way_m += end_mps * rolls_s - slows * rolls_s**2 / 2
-    return max(back_m, way_m + slope_mps2 * powered_s**2 / 2 + slope_mps2 * powered_s * left_s)
+    return back_m + way_m + slope_mps2 * powered_s**2 / 2 + slope_mps2 * powered_s * left_s
 
 
 def maybe_shift(
@@ -103,10 +103,14 @@ def maybe_shift(
         return None
     tilt_rad = float(np.linalg.norm(tilts_rad, axis=1).max()) + TILT_RAD
     slope_mps2, spare_m = GRAVITY_MPS2 * math.sin(tilt_rad), SLACK_M + gap.owed_m
-    most_m = rolled_m(gap.v_mps, passed_s, robot, slope_mps2) + spare_m
-    least_m = -rolled_m(-gap.v_mps, passed_s, robot, slope_mps2) - spare_m
+    most_m = rolled_m(gap.v_mps, passed_s, robot, slope_mps2)
+    least_m = -rolled_m(-gap.v_mps, passed_s, robot, slope_mps2)
+    # what it goes at least, it goes at an angle to the strip
+    most_m = max(most_m, most_m * math.cos(turn_rad)) + spare_m
+    least_m = min(least_m, least_m * math.cos(turn_rad)) - spare_m
     if most_m - least_m > MOST_M:
         return None
-    aside_m = (most_m - least_m) * math.sin(turn_rad) + spare_m
-    yaw_rad = (float(yaws_rad.min()) + float(yaws_rad.max())) / 2
-    return Shift((math.cos(yaw_rad), math.sin(yaw_rad)), least_m, most_m, aside_m)
+    aside_m = (max(most_m, 0.0) - min(least_m, 0.0)) * math.sin(turn_rad) + spare_m
+    yaw_rad, middle_m = (float(yaws_rad.min()) + float(yaws_rad.max())) / 2, (least_m + most_m) / 2
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return Shift((middle_m * c, middle_m * s), (c, s), (most_m - least_m) / 2, aside_m)

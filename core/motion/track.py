@@ -5,7 +5,7 @@ from typing import Protocol
 from msgspec import Struct
 
 from core.motion.path import Place
-from core.motion.shift import Gap
+from core.motion.shift import Shift
 from core.records import F64, ExternalPose, WheelCounts
 
 
@@ -28,7 +28,7 @@ class Track(Protocol):
     w_radps: float  # counter-clockwise
     breaks: int
     broken_by: str  # why it broke last, in words
-    maybe_gap: Gap | None  # what is known of the newest break; None: nothing
+    maybe_shift: Shift | None  # how far it is off since the newest break; None: nobody knows
     corrected_m: F64  # (2,) sum of the corrections that went into the place, map frame
 
     @property

@@ -162,12 +162,13 @@ def test_without_attitude_the_way_goes_where_the_wheels_turned_it_and_not_along_
         step_m = 0.0 if k <= 5 else 0.6 / 35
         yaw_rad, way_m = yaw_rad + step_rad, way_m + step_m
         wheels_m += step_m + 0.5 * TRACK_M * np.array([-step_rad, step_rad])
-        odometry.add(WheelCounts(1.0 + 0.05 * k, *(wheels_m * COUNTS_PER_M).tolist(), 0))
+        left, right = (wheels_m * COUNTS_PER_M).tolist()
+        odometry.add(WheelCounts(1.0 + 0.05 * k, left, right, 0))
     for n in range(5):
         ring.add(attitude(2.96 + 0.01 * n, yaw=yaw_rad))
     for n in range(10):
         ring.add(attitude(3.01 + 0.01 * n, yaw=yaw_rad))
-    odometry.add(WheelCounts(3.05, *(wheels_m * COUNTS_PER_M).tolist(), 0))
+    odometry.add(WheelCounts(3.05, left, right, 0))
     odometry.settle()
     assert (odometry.breaks == 0) == known
     if known:

@@ -68,25 +68,26 @@ def test_no_motion_that_motors_and_slope_can_make_leads_out_of_the_strip(
     for sign in (-1.0, 0.0, 1.0):
         slope_mps2 = sign * GRAVITY_MPS2 * math.sin(abs(pitch_rad))
         x_m, y_m = rolled(v_mps, seconds, slope_mps2, w_radps, pushes)
+        x_m, y_m = x_m - shift.moved_m[0], y_m - shift.moved_m[1]
         c, s = shift.heading
-        assert shift.least_m <= c * x_m + s * y_m <= shift.most_m
+        assert abs(c * x_m + s * y_m) <= shift.half_m
         assert abs(c * y_m - s * x_m) <= shift.aside_m
         assert math.hypot(x_m, y_m) <= shift.reach_m
 
 
 @given(
     yaw_rad=st.floats(-4.0, 4.0),
-    ends_m=st.tuples(st.floats(-1.0, 1.5), st.floats(-1.0, 1.5)).map(sorted),
+    half_m=st.floats(0.0, 1.0),
     aside_m=st.floats(0.0, 0.4),
     at=st.lists(st.floats(0.001, 0.999), min_size=4, max_size=4),
 )
 def test_every_place_in_the_strip_is_in_a_cell_to_which_a_step_leads(
-    yaw_rad: float, ends_m: list[float], aside_m: float, at: list[float]
+    yaw_rad: float, half_m: float, aside_m: float, at: list[float]
 ) -> None:
     heading = math.cos(yaw_rad), math.sin(yaw_rad)
-    shift = Shift(heading, ends_m[0], ends_m[1], aside_m)
+    shift = Shift((0.0, 0.0), heading, half_m, aside_m)
     steps = {(int(i), int(j)) for i, j in shift.cells(0.2)}
-    along_m, aside_m = ends_m[0] + at[0] * (ends_m[1] - ends_m[0]), aside_m * (2 * at[1] - 1)
+    along_m, aside_m = half_m * (2 * at[0] - 1), aside_m * (2 * at[1] - 1)
     x_m = 0.2 * at[2] + heading[0] * along_m - heading[1] * aside_m
     y_m = 0.2 * at[3] + heading[1] * along_m + heading[0] * aside_m
     assert (math.floor(x_m / 0.2), math.floor(y_m / 0.2)) in steps
@@ -100,9 +101,11 @@ def test_nothing_is_known_of_a_robot_without_attitude_lifted_or_away_for_long() 
     assert known is not None
     owed = maybe_shift(gap._replace(owed_m=0.1), level, 0.0, ROBOT)
     assert owed is not None
-    assert owed.least_m == pytest.approx(known.least_m - 0.1)
-    assert owed.most_m == pytest.approx(known.most_m + 0.1)
+    assert owed.moved_m == pytest.approx(known.moved_m)
+    assert owed.half_m == pytest.approx(known.half_m + 0.1)
     assert owed.aside_m > known.aside_m + 0.1
+    ahead = known.moved_m[0] * known.heading[0] + known.moved_m[1] * known.heading[1]
+    assert 0.1 < ahead < 0.4, "the middle of all ways of a robot that drove on"
     assert maybe_shift(gap._replace(to_s=2.0), level, 0.0, ROBOT) is None  # no attitude there
     assert maybe_shift(gap._replace(to_s=0.5), level, 0.0, ROBOT) is None  # too short for a restart
     assert maybe_shift(Gap(0.1, 2.9, 0.5, 0.0), turning(0.0, 3.0), 0.0, ROBOT) is None

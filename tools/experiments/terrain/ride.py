@@ -13,7 +13,7 @@ import numpy as np
 from core.geometry import R_from_rpy, q_from_R
 from core.motion.attitude import AttitudeRing
 from core.motion.path import Place
-from core.motion.shift import Gap
+from core.motion.shift import Shift
 from core.motion.track import Pose
 from core.records import F64, Attitude, ExternalPose, PointSweep, Scan, WheelCounts
 
@@ -50,7 +50,7 @@ class GivenTrack:
     yaw_start_rad = v_mps = w_radps = 0.0
     breaks = outliers = 0
     broken_by = ""
-    maybe_gap: Gap | None = None
+    maybe_shift: Shift | None = None
     waits = False
 
     def __init__(self) -> None:

@@ -284,11 +284,11 @@ class Odometry:
 
     def _maybe_shift(self, last: WheelCounts, counts: WheelCounts) -> Shift | None:
         """Where the body is, whose counters began anew between both; None: nobody knows."""
-        is_known = counts.unpowered and counts.restarts == last.restarts + 1
-        if not is_known or self.wheels.slipping or self._robot is None:
+        is_one = counts.restarts == last.restarts + 1 and not counts.by_other
+        if not is_one or self.wheels.slipping or self._robot is None:
             return None
         owed_m = math.hypot(*self._state.value[[X, Y]].tolist())
-        gap = Gap(last.t_s, counts.t_s, self.v_mps, owed_m)
+        gap = Gap(last.t_s, counts.t_s, self.v_mps, owed_m, counts.unpowered)
         return maybe_shift(gap, self._attitudes, self.yaw_start_rad, self._robot)
 
     def _break(self, t_s: float, why: str, shift: Shift | None = None) -> None:

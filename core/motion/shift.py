@@ -1,7 +1,7 @@
 """How far a robot can have rolled while nobody counted, as a bound: a strip along its heading.
 
-A controller that starts again counts from zero, and what the wheels did meanwhile is lost. But the
-attitude has told all the time where the body pointed, a wheeled body goes where it points, and how
+A controller that starts again counts from zero, counters may jump, and what the wheels did
+meanwhile is lost. But the attitude has told all the time where the body pointed, a wheeled body goes where it points, and how
 fast it may go follows from the speed before and from what changes speeds: motors and a slope.
 """
 
@@ -32,6 +32,7 @@ class Gap(NamedTuple):
     to_s: float  # and first ones behind
     v_mps: float  # before it
     owed_m: float  # by which the told place was to be corrected still
+    restarted: bool  # by its own word: for RESTART_S before the end there was no power
 
 
 class Shift(NamedTuple):
@@ -61,14 +62,15 @@ class Shift(NamedTuple):
         return np.stack([i[meets], j[meets]], axis=1)
 
 
-def rolled_m(v_mps: float, passed_s: float, robot: Robot, slope_mps2: float) -> float:
+def rolled_m(
+    v_mps: float, powered_s: float, passed_s: float, robot: Robot, slope_mps2: float
+) -> float:
     """The farthest way with a speed of v_mps, or against one below 0; metres.
 
     While its motors may have power it speeds up, to its fastest; then it slows down. Below 0: so
     far at least it has gone the other way, for no brake is stronger than LAG times its own.
     """
-    accel, brake = LAG * robot.max_accel_mps2, robot.brake_mps2
-    powered_s, back_m = max(0.0, passed_s - RESTART_S), 0.0
+    accel, brake, back_m = LAG * robot.max_accel_mps2, robot.brake_mps2, 0.0
     if v_mps < 0.0:  # it may turn round
         stops = LAG * brake + slope_mps2
         stopped_s = min(passed_s, -v_mps / stops)
@@ -93,7 +95,8 @@ def maybe_shift(
         yaw_start_rad: of the body in the earth frame where the map's x axis points.
     """
     passed_s = gap.to_s - gap.from_s
-    if not (passed_s >= RESTART_S and attitudes.covers(gap.from_s, gap.to_s)):
+    powered_s = passed_s - RESTART_S if gap.restarted else passed_s
+    if not (powered_s >= 0.0 and attitudes.covers(gap.from_s, gap.to_s)):
         return None
     count = math.ceil(passed_s / LOOK_S) + 1
     looks = np.array([attitudes.rpy_at(t) for t in np.linspace(gap.from_s, gap.to_s, count)])
@@ -103,8 +106,8 @@ def maybe_shift(
         return None
     tilt_rad = float(np.linalg.norm(tilts_rad, axis=1).max()) + TILT_RAD
     slope_mps2, spare_m = GRAVITY_MPS2 * math.sin(tilt_rad), SLACK_M + gap.owed_m
-    most_m = rolled_m(gap.v_mps, passed_s, robot, slope_mps2)
-    least_m = -rolled_m(-gap.v_mps, passed_s, robot, slope_mps2)
+    most_m = rolled_m(gap.v_mps, powered_s, passed_s, robot, slope_mps2)
+    least_m = -rolled_m(-gap.v_mps, powered_s, passed_s, robot, slope_mps2)
     # what it goes at least, it goes at an angle to the strip
     most_m = max(most_m, most_m * math.cos(turn_rad)) + spare_m
     least_m = min(least_m, least_m * math.cos(turn_rad)) - spare_m

@@ -37,25 +37,27 @@ class WheelCounters:
     """Readings of channel 0 and 1 in, pairs at the instants of channel 1 out."""
 
     def __init__(self, max_counts_per_s: float, outage_s: float) -> None:
-        self.restarts, self.unpowered = 0, False  # as `WheelCounts` has them
+        self.restarts, self.unpowered, self.by_other = 0, False, False  # as in `WheelCounts`
         self._max_counts_per_s, self._outage_s = max_counts_per_s, outage_s
         self._last: list[_Reading | None] = [None, None]
         self._refused: list[list[int]] = [[], []]  # raw, since the last believed reading
         self._resuming: dict[int, tuple[float, int]] = {}  # t_s and raw while not tracking
         self._tracking = False
-        self._zero_lost = self._told_unpowered = False
+        self._zero_lost = self._told_unpowered = self._told_other = False
         self._outages_refused = 0
         self._read_s: list[float | None] = [None, None]  # each counter's newest reading, any
         self._pace_s = 0.0  # smoothed, from one reading of a counter to the next
 
-    def forget_zero(self, unpowered: bool = False) -> None:
+    def forget_zero(self, unpowered: bool = False, by_other: bool = False) -> None:
         """The counters have lost their zero, as after a restart of the controller.
 
         Args:
             unpowered: by that, and nobody has driven since.
+            by_other: somebody else has the motors, or had them.
         """
         self._zero_lost = self._last[0] is not None
-        self._told_unpowered = self._zero_lost and unpowered
+        self._told_other = self._zero_lost and (by_other or self._told_other)
+        self._told_unpowered = self._zero_lost and unpowered and not self._told_other
         self._tracking = False
         self._resuming.clear()
 
@@ -123,13 +125,14 @@ class WheelCounters:
             if not certain and self._outages_refused < REFUSALS:
                 return BadFrame("counters jumped over an outage", repr(fresh).encode())
             self.restarts, self.unpowered = self.restarts + 1, self._told_unpowered
+            self.by_other = self._told_other
         self._last = [
             _Reading(t_s, raw, totals[k] if totals else float(raw))
             for k, (t_s, raw) in enumerate(fresh)
         ]
         self._refused = [[], []]
         self._outages_refused, self._zero_lost, self._tracking = 0, False, True
-        self._told_unpowered = False
+        self._told_unpowered = self._told_other = False
         return None
 
     def _maybe_totals(self, fresh: list[tuple[float, int]]) -> list[float] | None:

@@ -378,9 +378,14 @@ class Ax3500(Device[WheelCounts]):
         """Whether no zero is owed: both are acknowledged, or there is nobody to send them to."""
         return not self.motors.may_move or self.status.state == "closed"
 
+    def _counts(self, t_s: float, left: float, right: float) -> WheelCounts:
+        of, cut_off = self._counters, self.stream.controller.cuts_off
+        return WheelCounts(t_s, left, right, of.restarts, of.unpowered, of.by_other, cut_off)
+
     def _measure(self, now_s: float, events: list[Any]) -> list[WheelCounts]:
         if self.stream.zero_lost:
-            self._counters.forget_zero(unpowered=not self.stream.by_other)
+            by_other = self.stream.by_other
+            self._counters.forget_zero(unpowered=not by_other, by_other=by_other)
             self.stream.zero_lost = self.stream.by_other = False
         self.emergency_stop = bool(self.stream.controller.emergency_stop)
         if not self.stream.readings:
@@ -392,9 +397,7 @@ class Ax3500(Device[WheelCounts]):
                 travel = (taken.one, taken.two)
                 (left, left_sign), (right, right_sign) = self._left, self._right
                 turned = left_sign * travel[left], right_sign * travel[right]
-                restarts, unpowered = self._counters.restarts, self._counters.unpowered
-                cut_off = self.stream.controller.cuts_off
-                measured.append(WheelCounts(taken.t_s, *turned, restarts, unpowered, cut_off))
+                measured.append(self._counts(taken.t_s, *turned))
             elif taken is not None:
                 self.status.reject(taken)
         self.stream.readings = []

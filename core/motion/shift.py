@@ -1,8 +1,9 @@
 """How far a robot can have rolled while nobody counted, as a bound: a strip along its heading.
 
 A controller that starts again counts from zero, counters may jump, and what the wheels did
-meanwhile is lost. But the attitude has told all the time where the body pointed, a wheeled body goes where it points, and how
-fast it may go follows from the speed before and from what changes speeds: motors and a slope.
+meanwhile is lost. But the attitude has told all the time where the body pointed, a wheeled body
+goes where it points, and how fast it may go follows from the speed before and from what changes
+speeds: motors and a slope.
 """
 
 import math

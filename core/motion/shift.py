@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from core.motion.attitude import AttitudeRing
+from core.motion.lean import GRAVITY_MPS2
 from core.records import I64
 from core.run_settings import Robot
 
-GRAVITY_MPS2 = 9.81
 RESTART_S = 0.5  # a controller that starts again gives no power for longer than this: sheet, 0.7 s
 LAG = 2.0  # a motor that lags behind what it was told changes its speed so much faster
 TILT_RAD = math.radians(0.5)  # by so much may the told tilt be off: sheet, static accuracy

@@ -285,10 +285,14 @@ class Odometry:
     def _maybe_shift(self, last: WheelCounts, counts: WheelCounts) -> Shift | None:
         """Where the body is, whose counters began anew between both; None: nobody knows."""
         is_one = counts.restarts == last.restarts + 1 and not counts.by_other
-        if not is_one or self.wheels.slipping or self._robot is None:
+        if not is_one or self._robot is None:
             return None
+        v_mps, fastest_mps = self.v_mps, self._robot.max_speed_mps
+        speeds_mps = v_mps, v_mps
+        if self.wheels.slipping:  # they tell the sense alone
+            speeds_mps = (0.0, fastest_mps) if v_mps >= 0.0 else (-fastest_mps, 0.0)
         owed_m = math.hypot(*self._state.value[[X, Y]].tolist())
-        gap = Gap(last.t_s, counts.t_s, self.v_mps, owed_m, counts.unpowered)
+        gap = Gap(last.t_s, counts.t_s, speeds_mps, owed_m, counts.unpowered)
         return maybe_shift(gap, self._attitudes, self.yaw_start_rad, self._robot)
 
     def _break(self, t_s: float, why: str, shift: Shift | None = None) -> None:

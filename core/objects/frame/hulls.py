@@ -179,11 +179,13 @@ def polygons_of(to: Rings, clusters: int, thin_m: float, within_m: float) -> lis
         )
         shapes[is_thin] = shapely.convex_hull(wide)
     fewer = shapely.simplify(shapes, within_m, preserve_topology=False)
-    broken = ~shapely.is_valid(fewer) | (shapely.get_type_id(fewer) != POLYGON)
-    broken |= shapely.get_num_coordinates(fewer) < 4
-    fewer[broken] = shapely.simplify(shapes[broken], within_m, preserve_topology=True)
-    bad = ~shapely.is_valid(fewer) | (shapely.area(fewer) <= 0.0)
-    fewer[bad] = shapely.convex_hull(shapes[bad])
+    is_good = shapely.is_valid(fewer) & (shapely.get_type_id(fewer) == POLYGON)
+    is_good &= shapely.get_num_coordinates(fewer) >= 4
+    if not is_good.all():
+        again = shapely.simplify(shapes[~is_good], within_m, preserve_topology=True)
+        is_bad = ~shapely.is_valid(again) | (shapely.area(again) <= 0.0)
+        again[is_bad] = shapely.convex_hull(shapes[~is_good][is_bad])
+        fewer[~is_good] = again
     corners, of = shapely.get_coordinates(shapely.orient_polygons(fewer), return_index=True)
     ends = np.searchsorted(of, np.arange(clusters + 1))
     return [corners[ends[c] : ends[c + 1] - 1] for c in range(clusters)]

@@ -11,8 +11,7 @@ import math
 
 import numpy as np
 
-from core.objects.frame.floor import GATE
-from core.objects.frame.pixels import I32, sigma_m
+from core.objects.frame.pixels import GATE, I32, sigma_m
 from core.objects.frame.voxels import Voxels
 from core.records import F32, F64
 from jit import kernel, releasing_kernel

@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.frame.floor import GATE, SEED, SHARED
-from core.objects.frame.pixels import I32, sigma_m
+from core.objects.frame.floor import SEED, SHARED
+from core.objects.frame.pixels import GATE, I32, sigma_m
 from core.objects.frame.voxels import Voxels
 from core.objects.frame.wall_ends import BINS, grow
 from core.objects.records import Floats

@@ -67,7 +67,6 @@ def test_a_voxel_is_the_mean_of_its_points(given_points: list[tuple[float, float
     means = np.column_stack([ROOM.voxels.x, ROOM.voxels.y, ROOM.voxels.z])[:count]
     np.testing.assert_allclose(means, [np.mean(one, axis=0) for one in of.values()], atol=1e-5)
     assert ROOM.voxels.pixels[:count].tolist() == [len(one) for one in of.values()]
-    assert (ROOM.voxels.table == voxels.NONE).all()
 
 
 @given(LUMPS)

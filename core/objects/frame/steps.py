@@ -233,10 +233,11 @@ class FrameSteps:
 
         The latter is (n, 4), level frame.
         """
-        if len(known_walls) == 0:
-            return None, np.zeros((0, 4))
-        turn = _turn(level.yaw_rad)
-        ends = (np.asarray(known_walls, np.float64).reshape(-1, 2) - level.lens[:2]) @ turn
+        turn, segments = _turn(level.yaw_rad), np.asarray(known_walls, np.float64).reshape(-1, 4)
+        segments = segments[(segments[:, :2] != segments[:, 2:]).any(axis=1)]
+        if len(segments) == 0:
+            return None, segments
+        ends = (segments.reshape(-1, 2) - level.lens[:2]) @ turn
         sigmas = float(pose.sigma_xy_m), float(pose.sigma_yaw_rad)
         walls, gaps_m = ends.reshape(-1, 4), self._gaps_at(room, ends, noise[2]).reshape(-1, 2)
         within_m, height_m = self._settings.wall_m, self._settings.wall_height_m

@@ -26,7 +26,7 @@ PAIRS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2))  # rows, columns: to b
 APART = 3.0 * math.sqrt(2.0)  # sigmas between two ranges of one surface, at most
 SLANT = 10.0  # a surface met at 6 degrees: so much farther apart are its points than pixels are
 PAIR_SIGMAS = 3.0 * 1.5**0.5  # of the mean of two ranges against a third
-BEYOND_M = -1e9  # ranges around an image: no measurement, and near none
+RIM, BEYOND_M = 2, -1e9  # pixels around an image, and their ranges: none, and near none
 GATE = 3.0  # sigmas
 LEAST = 1e-9  # of a ray's way ahead, or down, in a metre: so nothing is divided by 0
 FAN_COLUMNS = 2  # every second column of pixels is enough for the fan
@@ -125,9 +125,9 @@ def measure(numbers: U16, per_unit: F32, most_m: float, padded: F32) -> None:
     """Ranges of an image's numbers (rows, columns), at most so far, into the middle of `padded`."""
     most = np.float32(most_m)
     for i in range(numbers.shape[0]):
-        given, per, here = numbers[i], per_unit[i], padded[i + 1]
+        given, per, here = numbers[i], per_unit[i], padded[i + RIM, RIM:]
         for j in range(given.size):
-            here[j + 1] = min(np.float32(given[j]) * per[j], most)
+            here[j] = min(np.float32(given[j]) * per[j], most)
 
 
 @kernel
@@ -136,9 +136,9 @@ def _project(units: F32, padded: F32, i: int, leveled: Leveled, limits: Limits, 
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = leveled.R
     g0, g1, g2, g3, g4, g5 = leveled.gate2
     noise, per_m2 = np.float32(GATE * limits.noise_m), np.float32(GATE * limits.noise_per_m2)
-    ahead, left, up, here = units[0, i], units[1, i], units[2, i], padded[i + 1]
+    ahead, left, up, here = units[0, i], units[1, i], units[2, i], padded[i + RIM, RIM:]
     for j in range(row.x.size):
-        a, b, c, r = ahead[j], left[j], up[j], here[j + 1]
+        a, b, c, r = ahead[j], left[j], up[j], here[j]
         dx, dy = r0 * a + r1 * b + r2 * c, r3 * a + r4 * b + r5 * c
         dz = r6 * a + r7 * b + r8 * c
         x, y = r * dx, r * dy
@@ -159,7 +159,9 @@ def _find_loose(padded: F32, i: int, limits: Limits, loose: U8) -> None:
     across, down = limits.steep_across, limits.steep_down
     near, slant = limits.cluster_m, limits.slant_rad
     noise, per_m2 = np.float32(APART * limits.noise_m), np.float32(APART * limits.noise_per_m2)
-    above, here, below = padded[i], padded[i + 1], padded[i + 2]
+    first = RIM - 1  # the column before that of pixel 0
+    above, below = padded[i + RIM - 1, first:], padded[i + RIM + 1, first:]
+    here = padded[i + RIM, first:]
     for j in range(loose.size):
         r, a, b, c, d = here[j + 1], here[j], here[j + 2], above[j + 1], below[j + 1]
         least = across * min(a, b)
@@ -182,9 +184,10 @@ def _sort(padded: F32, i: int, row: Row, limits: Limits, kinds: U8) -> None:
     Args:
         kinds: (columns,), written.
     """
-    here, floor2, pit2 = padded[i + 1], limits.floor_m * limits.floor_m, limits.pit_m * limits.pit_m
+    floor2, pit2 = limits.floor_m * limits.floor_m, limits.pit_m * limits.pit_m
+    here = padded[i + RIM, RIM:]
     for j in range(kinds.size):
-        r, z, gate2 = here[j + 1], row.z[j], row.gate2[j]
+        r, z, gate2 = here[j], row.z[j], row.gate2[j]
         thing = HIGH if z > limits.top_m else (FLYING if row.loose[j] else THING)
         lower = PIT if z < -limits.pit_m else NOTHING
         floor = FLOOR if gate2 <= pit2 else NOTHING
@@ -199,7 +202,7 @@ def _collect(padded: F32, i: int, row: Row, kinds: U8, limits: Limits, points: P
     things, pits, last = points.found[0], points.found[1], points.x.size - 1
     for j in range(kinds.size):
         if kinds[j] == THING:
-            share = _share(i, j, padded[i + 1, j + 1], float(limits.dense_m))
+            share = _share(i, j, padded[i + RIM, j + RIM], float(limits.dense_m))
             if share > 0:
                 r = _smoothed(padded, i, j, limits)
                 points.x[things], points.y[things] = r * row.dx[j], r * row.dy[j]
@@ -257,7 +260,7 @@ def classify(
 
     Args:
         units: (3, rows, columns) unit vectors, sensor frame.
-        padded: (rows + 2, columns + 2) m, ranges within a rim of BEYOND_M.
+        padded: (rows + 2 RIM, columns + 2 RIM) m, ranges within a rim of BEYOND_M.
         kinds: (rows, columns), written.
     """
     points.found[0], points.found[1] = 0, 0
@@ -271,26 +274,26 @@ def classify(
 
 
 @kernel
-def _smoothed(padded: F32, i: int, j: int, limits: Limits) -> float:
+def _smoothed(padded: F32, i: int, j: int, limits: Limits) -> np.float32:
     """The mean of a range and of those around it that lie on one surface with it.
 
     Neighbours count in pairs, one on each side: the mean of a pair lies on any plane, however it
     is turned, and at the rim of a thing only pairs along the rim do. A pair whose mean is further
-    off than noise explains is none of this surface.
+    off than noise explains is none of this surface. Which these are no processor foresees, so
+    there is no branch.
     """
-    rows, columns = padded.shape
-    i, j = i + 1, j + 1
-    r: float = padded[i, j]
-    most = PAIR_SIGMAS * sigma_m(r, float(limits.noise_m), float(limits.noise_per_m2))
-    total, count = r, 1.0
+    zero, half, one, two = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
+    i, j = i + RIM, j + RIM
+    r = padded[i, j]
+    most = np.float32(PAIR_SIGMAS) * (limits.noise_m + limits.noise_per_m2 * r * r)
+    total, count = r, one
     for k in range(len(PAIRS)):
-        di, dj = PAIRS[k]
-        if i < di or i + di >= rows or j < abs(dj) or j + abs(dj) >= columns:
-            continue
-        a, b = padded[i - di, j - dj], padded[i + di, j + dj]
-        if a > 0.0 and b > 0.0 and abs(0.5 * (a + b) - r) <= most:
-            total, count = total + a + b, count + 2.0
-    return total / count
+        a, b = padded[i - PAIRS[k][0], j - PAIRS[k][1]], padded[i + PAIRS[k][0], j + PAIRS[k][1]]
+        is_same = (min(a, b) > zero) & (abs(half * (a + b) - r) <= most)
+        total += a + b if is_same else zero
+        count += two if is_same else zero
+    mean: np.float32 = total / count
+    return mean
 
 
 @kernel

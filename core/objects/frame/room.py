@@ -13,7 +13,7 @@ import numpy.typing as npt
 from core.objects.frame.floor import LEVEL_BINS, Gated
 from core.objects.frame.hulls import Rings
 from core.objects.frame.outlines import Columns, Measures
-from core.objects.frame.pixels import BEYOND_M, FAN_COLUMNS, I32, Fan, Points, Row
+from core.objects.frame.pixels import BEYOND_M, FAN_COLUMNS, I32, RIM, Fan, Points, Row
 from core.objects.frame.settings import FrameSettings
 from core.objects.frame.summits import LEVELS
 from core.objects.frame.voxels import NONE, Clusters, Voxels, warp_of
@@ -50,8 +50,8 @@ class Room:
         self.warp = warp_of(settings, max(self.across_rad, self.down_rad))
         self.stride = max(1, round(math.sqrt(n / GATED)))
         self.numbers: U16 = np.zeros((rows, columns), np.uint16)
-        self.padded: F32 = np.full((rows + 2, columns + 2), BEYOND_M, np.float32)
-        self.ranges: F32 = self.padded[1:-1, 1:-1]
+        self.padded: F32 = np.full((rows + 2 * RIM, columns + 2 * RIM), BEYOND_M, np.float32)
+        self.ranges: F32 = self.padded[RIM:-RIM, RIM:-RIM]
         self.kinds = np.zeros((rows, columns), np.uint8)
         self.points = Points(floats(n), floats(n), floats(n), np.ones(n, np.uint8), ints(2))
         self.voxels = _made(Voxels, n, table=table, sums=np.zeros((n, 8), np.float32))

@@ -135,6 +135,15 @@ def test_polygons_are_valid_and_hold_all_points(points: F64) -> None:
     assert shapely.contains_xy(whole, points[:, 0], points[:, 1]).all()
 
 
+def test_what_is_thin_is_a_voxel_wide_along_all_of_its_length() -> None:
+    x = np.arange(0.0, 0.4, 0.004)
+    y = 0.25 * x + np.random.default_rng(1).uniform(-0.002, 0.002, len(x))
+    [told] = polygons(np.column_stack([x, y, np.full(len(x), 0.1)]))
+    shape = shapely.Polygon(told)
+    assert shape.contains(shapely.MultiPoint(np.column_stack([x, y])))
+    assert shape.area >= EDGE_M * np.hypot(0.4, 0.1)
+
+
 def test_two_faces_of_a_box_stay_an_angle() -> None:
     along, up = (
         a.ravel() for a in np.meshgrid(np.arange(0.0, 0.6, 0.004), np.arange(0, 0.2, 0.02))

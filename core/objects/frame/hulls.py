@@ -49,19 +49,16 @@ def _wrap(x: F32, y: F32, begin: int, end: int, to: Rings) -> int:
             first = k
     here = first
     for _ in range(end - begin):
-        best = -1
+        best, hx, hy = -1, x[here], y[here]
+        ux, uy = np.float32(0.0), np.float32(0.0)  # to the best one
         for k in range(begin, end):
-            if x[k] == x[here] and y[k] == y[here]:
-                continue
-            if best < 0:
-                best = k
-                continue
-            ux, uy = x[best] - x[here], y[best] - y[here]
-            vx, vy = x[k] - x[here], y[k] - y[here]
+            vx, vy = x[k] - hx, y[k] - hy
             turn = ux * vy - uy * vx
+            if turn > SAME_M2 or (vx == 0.0 and vy == 0.0):
+                continue  # nearly all
             is_farther = vx * vx + vy * vy > ux * ux + uy * uy
-            if turn < -SAME_M2 or (turn <= SAME_M2 and is_farther and ux * vx + uy * vy > 0.0):
-                best = k
+            if best < 0 or turn < -SAME_M2 or (is_farther and ux * vx + uy * vy > 0.0):
+                best, ux, uy = k, vx, vy
         if best < 0 or to.after[best] >= 0:  # round, or the first again by a neighbour of it
             to.after[here] = first
             return first

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from core.objects.frame.floor import Floor
-from core.objects.frame.pixels import FLOOR, NOTHING, PIT, THING
+from core.objects.frame.pixels import FLOOR, I32, NOTHING, PIT, THING
 from core.objects.frame.room import Room
 from core.records import F32, F64, U8
 from jit import kernel, releasing_kernel
@@ -36,26 +36,46 @@ def _rise(units: F32, i: int, j: int, up: tuple[float, float, float]) -> float:
     return float(up[0] * units[0, i, j] + up[1] * units[1, i, j] + up[2] * units[2, i, j])
 
 
+@kernel
+def _find_due(
+    units: F32, kinds: U8, i: int, up: tuple[float, float, float], least: float, due: U8
+) -> None:
+    """Which pixels of a row lack floor, and fall by so much in a metre that it is due: 1 in `due`.
+
+    In single precision and without a branch, so that the compiler does several at once.
+    """
+    ux, uy, uz, most = np.float32(up[0]), np.float32(up[1]), np.float32(up[2]), np.float32(-least)
+    x, y, z, kind = units[0, i], units[1, i], units[2, i], kinds[i]
+    for j in range(due.size):
+        lacks = (kind[j] == NOTHING) | (kind[j] == PIT)
+        due[j] = lacks & (ux * x[j] + uy * y[j] + uz * z[j] < most)
+
+
 @releasing_kernel
 def _find_lacking(
-    units: F32, kinds: U8, up: tuple[float, float, float], lens_m: float, far_m: float, edge: int,
-    lacks: U8,
+    units: F32, kinds: U8, up: tuple[float, float, float], least: float, edge: int, due: U8,
+    counts: I32, lacks: U8,
 ) -> None:  # fmt: skip
-    """Which blocks lack floor that is due within `far_m`, and those beside them: 1 in `lacks`."""
+    """Which blocks lack floor that is due, and those beside them: 1 in `lacks`.
+
+    Args:
+        least: floor is due where a ray falls by more in a metre.
+        due, counts: room, (columns,) and (blocks along a row,).
+    """
     rows, columns = kinds.shape
     lacks[...] = 0
     for i in range(0, rows, edge):
-        for j in range(0, columns, edge):
-            count = whole = 0
-            for a in range(i, min(i + edge, rows)):
-                for b in range(j, min(j + edge, columns)):
-                    whole += 1
-                    if kinds[a, b] == NOTHING or kinds[a, b] == PIT:
-                        rise = _rise(units, a, b, up)
-                        count += rise < 0.0 and lens_m < -rise * far_m
-            if count <= LACKS * whole:
+        counts[:] = 0
+        for a in range(i, min(i + edge, rows)):
+            _find_due(units, kinds, a, up, least, due)
+            for n in range(counts.size):
+                for j in range(n * edge, min((n + 1) * edge, columns)):
+                    counts[n] += due[j]
+        for n in range(counts.size):
+            whole = (min(i + edge, rows) - i) * (min((n + 1) * edge, columns) - n * edge)
+            if counts[n] <= LACKS * whole:
                 continue
-            k, n = i // edge, j // edge
+            k = i // edge
             for a in range(max(0, k - 1), min(k + 2, lacks.shape[0])):
                 for b in range(max(0, n - 1), min(n + 2, lacks.shape[1])):
                     lacks[a, b] = 1
@@ -82,6 +102,8 @@ def _pick(
                 things += 1
                 if r < near_m:
                     near_m, thing = r, here
+                if tall >= least and r >= tall_m:
+                    continue  # most of them: there are enough, and nearer ones
                 if bars[0] <= lens_m + r * _rise(units, a, b, up) <= bars[1]:
                     tall += 1
                     if r < tall_m:
@@ -150,7 +172,8 @@ def evidence_of(
     x, y, z = seen.normal_sensor.tolist()
     up, lens_m = (x, y, z), float(seen.height_m)
     lacks: U8 = np.zeros((math.ceil(rows / edge), math.ceil(columns / edge)), np.uint8)
-    _find_lacking(room.units, room.kinds, up, lens_m, far_m, edge, lacks)
+    due, counts = np.zeros(columns, np.uint8), np.zeros(lacks.shape[1], np.int32)
+    _find_lacking(room.units, room.kinds, up, lens_m / far_m, edge, due, counts, lacks)
     count, points = _gather(
         room.units, room.ranges, room.kinds, up, lens_m, edge, bars_m, lacks, rays, standing
     )  # fmt: skip

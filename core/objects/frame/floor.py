@@ -15,11 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.frame.pixels import I32, Leveled, sigma_m
+from core.objects.frame.pixels import GATE, I32, sigma_m
 from core.records import F32, F64
 from jit import kernel, releasing_kernel
 
-GATE = 3.0  # sigmas
 ROUGH_M = 0.002  # one sigma of what a floor is not flat by
 SHARED = 0.3  # part of a range's sigma that all its neighbours have in common
 TRIES, SCORED = 150, 800  # hypotheses, points that judge each
@@ -33,6 +32,7 @@ LEAST_SHARE = 0.3  # of the points in the gate must lie on the plane
 LEAST_WIDTH = 0.05  # m, one sigma of where the points lie, along both directions
 
 Plane = tuple[float, float, float]
+Nine = tuple[float, float, float, float, float, float, float, float, float]
 
 
 class Gated(NamedTuple):
@@ -47,17 +47,18 @@ class Gated(NamedTuple):
 
 @releasing_kernel
 def gather(
-    units: F32, ranges: F32, stride: int, leveled: Leveled, lens_m: float,
+    units: F32, ranges: F32, stride: int, R: Nine, lens_m: float,
     sigmas: Plane, limits: tuple[float, float, float, float], gated: Gated,
 ) -> None:  # fmt: skip
     """Points of every stride-th row and column that may be floor.
 
     Args:
+        R: (3, 3) from sensor to level, row by row.
         sigmas: of the lens's height, pitch and roll.
         limits: least and most range, noise_m and noise_per_m2.
     """
     rows, columns = ranges.shape
-    r0, r1, r2, r3, r4, r5, r6, r7, r8 = leveled.R
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = R
     n, below, (least, most, noise, per_m2) = 0, 0, limits
     for i in range(stride // 2, rows, stride):
         for j in range(stride // 2, columns, stride):

@@ -12,6 +12,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 import shapely
 
 from core.objects.frame.pixels import I32
@@ -22,6 +23,9 @@ from jit import kernel, releasing_kernel
 FULL = 0.8  # of a convex hull's area is covered: it is the shape
 POLYGON = 3  # GEOS's number of that type
 SAME_M2 = 1e-8  # twice the area of a triangle whose corners are on one line
+
+
+Shapes = npt.NDArray[np.object_]
 
 
 class Rings(NamedTuple):
@@ -45,19 +49,16 @@ def _wrap(x: F32, y: F32, begin: int, end: int, to: Rings) -> int:
             first = k
     here = first
     for _ in range(end - begin):
-        best = -1
+        best, hx, hy = -1, x[here], y[here]
+        ux, uy = np.float32(0.0), np.float32(0.0)  # to the best one
         for k in range(begin, end):
-            if x[k] == x[here] and y[k] == y[here]:
-                continue
-            if best < 0:
-                best = k
-                continue
-            ux, uy = x[best] - x[here], y[best] - y[here]
-            vx, vy = x[k] - x[here], y[k] - y[here]
+            vx, vy = x[k] - hx, y[k] - hy
             turn = ux * vy - uy * vx
+            if turn > SAME_M2 or (vx == 0.0 and vy == 0.0):
+                continue  # nearly all
             is_farther = vx * vx + vy * vy > ux * ux + uy * uy
-            if turn < -SAME_M2 or (turn <= SAME_M2 and is_farther and ux * vx + uy * vy > 0.0):
-                best = k
+            if best < 0 or turn < -SAME_M2 or (is_farther and ux * vx + uy * vy > 0.0):
+                best, ux, uy = k, vx, vy
         if best < 0 or to.after[best] >= 0:  # round, or the first again by a neighbour of it
             to.after[here] = first
             return first
@@ -164,26 +165,31 @@ def polygons_of(to: Rings, clusters: int, thin_m: float, within_m: float) -> lis
     sizes = np.diff(to.begin[: clusters + 1])
     number = np.repeat(np.arange(clusters), sizes)
     is_thin = (sizes < 3) | (to.area_m2[:clusters] < thin_m * to.length_m[:clusters])
-    whole = np.flatnonzero(~is_thin)
     shapes = np.empty(clusters, dtype=object)
-    if len(whole) > 0:
-        place = np.cumsum(~is_thin) - 1
-        kept = ~is_thin[number]
+    if not is_thin.all():
+        place, kept = np.cumsum(~is_thin) - 1, ~is_thin[number]
         closed = shapely.linearrings(points[kept], indices=place[number[kept]])
-        shapes[whole] = shapely.polygons(closed)
-    if len(whole) < clusters:
+        shapes[~is_thin] = _simplified(shapely.polygons(closed), within_m)
+    if is_thin.any():  # with so few corners that none could go
         place, kept = np.cumsum(is_thin) - 1, is_thin[number]
         rims = shapely.multipoints(points[kept], indices=place[number[kept]])
         wide = shapely.buffer(
             shapely.convex_hull(rims), 0.5 * thin_m, cap_style="square", join_style="mitre"
         )
         shapes[is_thin] = shapely.convex_hull(wide)
-    fewer = shapely.simplify(shapes, within_m, preserve_topology=False)
-    broken = ~shapely.is_valid(fewer) | (shapely.get_type_id(fewer) != POLYGON)
-    broken |= shapely.get_num_coordinates(fewer) < 4
-    fewer[broken] = shapely.simplify(shapes[broken], within_m, preserve_topology=True)
-    bad = ~shapely.is_valid(fewer) | (shapely.area(fewer) <= 0.0)
-    fewer[bad] = shapely.convex_hull(shapes[bad])
-    corners, of = shapely.get_coordinates(shapely.orient_polygons(fewer), return_index=True)
+    corners, of = shapely.get_coordinates(shapely.orient_polygons(shapes), return_index=True)
     ends = np.searchsorted(of, np.arange(clusters + 1))
     return [corners[ends[c] : ends[c + 1] - 1] for c in range(clusters)]
+
+
+def _simplified(shapes: Shapes, within_m: float) -> Shapes:
+    """Polygons with fewer corners; where that leaves none, by slower ways."""
+    fewer = shapely.simplify(shapes, within_m, preserve_topology=False)
+    is_good = shapely.is_valid(fewer) & (shapely.get_type_id(fewer) == POLYGON)
+    is_good &= shapely.get_num_coordinates(fewer) >= 4
+    if not is_good.all():
+        again = shapely.simplify(shapes[~is_good], within_m, preserve_topology=True)
+        is_bad = ~shapely.is_valid(again) | (shapely.area(again) <= 0.0)
+        again[is_bad] = shapely.convex_hull(shapes[~is_good][is_bad])
+        fewer[~is_good] = again
+    return np.asarray(fewer)

@@ -9,11 +9,21 @@ Source: docs/objects.md, section 7.
 from typing import NamedTuple
 
 from core.objects.frame.pixels import I32, Points
-from core.objects.frame.voxels import NONE, Voxels, cell_of, find, table_size
-from core.records import F32
+from core.objects.frame.voxels import (
+    BESIDE_X,
+    BESIDE_Y,
+    LOW,
+    NONE,
+    Voxels,
+    find,
+    part_of,
+    table_size,
+)
+from core.records import F32, I64
 from jit import kernel, releasing_kernel
 
 PARTS = 4  # of a column along each edge
+BESIDE = tuple(x * BESIDE_X + y * BESIDE_Y for y in (-1, 0, 1) for x in (-1, 0, 1) if x or y)
 
 
 class Measures(NamedTuple):
@@ -32,12 +42,10 @@ class Measures(NamedTuple):
 class Columns(NamedTuple):
     """Room for the columns of a frame, and for the points of all rims."""
 
-    ix: I32
-    iy: I32
+    key: I64  # of its place, and its cluster's label
     label: I32
     kept: I32  # bits of the parts that have their point
     rim: I32  # 1: a rim
-    slot: I32
     of: I32  # (voxels,)
     table: I32
     point: I32  # (points,) those kept, by their number,
@@ -71,19 +79,19 @@ def measure(
 def columns_of(voxels: Voxels, count: int, labels: I32, to: Columns) -> int:
     """Sort the voxels of all clusters into columns: how many. A label of NONE is left out."""
     n, table = 0, to.table[: table_size(count, to.table.size)]
+    table[:] = NONE
     for v in range(count):
         to.of[v] = NONE
         if labels[v] == NONE:
             continue
-        at = find(voxels.ix[v], voxels.iy[v], labels[v], table, to.ix, to.iy, to.label)
+        key = voxels.key[v] & ~LOW | labels[v]
+        at = find(key, table, to.key)
         c = table[at]
         if c == NONE:
-            c, table[at], to.slot[n] = n, n, at
-            to.ix[n], to.iy[n], to.label[n], to.kept[n] = voxels.ix[v], voxels.iy[v], labels[v], 0
+            c = table[at] = n
+            to.key[n], to.label[n], to.kept[n] = key, labels[v], 0
             n += 1
         to.of[v] = c
-    for c in range(n):
-        table[to.slot[c]] = NONE
     return n
 
 
@@ -92,19 +100,12 @@ def _find_rims(n: int, count: int, to: Columns, measures: Measures) -> None:
     """Which columns lack a neighbour of their own cluster; count those of each cluster."""
     table = to.table[: table_size(count, to.table.size)]
     for c in range(n):
-        at = find(to.ix[c], to.iy[c], to.label[c], table, to.ix, to.iy, to.label)
-        table[at] = c
         measures.columns[to.label[c]] += 1
-    for c in range(n):
         to.rim[c] = 0
-        for k in range(9):
-            ix, iy = to.ix[c] + k % 3 - 1, to.iy[c] + k // 3 - 1
-            at = find(ix, iy, to.label[c], table, to.ix, to.iy, to.label)
-            if table[at] == NONE:
+        for k in range(len(BESIDE)):
+            if table[find(to.key[c] + BESIDE[k], table, to.key)] == NONE:
                 to.rim[c] = 1
                 break
-    for c in range(n):
-        table[to.slot[c]] = NONE
 
 
 @releasing_kernel
@@ -126,8 +127,8 @@ def outline(
         if column == NONE or to.rim[column] == 0:
             continue
         p = begin + k * step
-        part = cell_of(points.x[p], per_m * PARTS) % PARTS * PARTS
-        bit = 1 << (part + cell_of(points.y[p], per_m * PARTS) % PARTS)
+        part = part_of(points.x[p], per_m * PARTS) % PARTS * PARTS
+        bit = 1 << (part + part_of(points.y[p], per_m * PARTS) % PARTS)
         if to.kept[column] & bit:
             continue
         to.kept[column] |= bit

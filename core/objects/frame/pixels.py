@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from core.records import F32, U8
+from core.records import F32, U8, U16
 from jit import kernel, releasing_kernel
 
 I32 = npt.NDArray[np.int32]
@@ -26,36 +26,40 @@ PAIRS = ((1, 0), (0, 1), (1, 1), (1, -1), (2, 0), (0, 2))  # rows, columns: to b
 APART = 3.0 * math.sqrt(2.0)  # sigmas between two ranges of one surface, at most
 SLANT = 10.0  # a surface met at 6 degrees: so much farther apart are its points than pixels are
 PAIR_SIGMAS = 3.0 * 1.5**0.5  # of the mean of two ranges against a third
+RIM, BEYOND_M = 2, -1e9  # pixels around an image, and their ranges: none, and near none
+GATE = 3.0  # sigmas
+LEAST = 1e-9  # of a ray's way ahead, or down, in a metre: so nothing is divided by 0
 FAN_COLUMNS = 2  # every second column of pixels is enough for the fan
 
 
 class Limits(NamedTuple):
-    """Numbers of a frame, for kernels."""
+    """Numbers of a frame, for kernels: in single precision, as ranges are, so that they stay it.
 
-    min_range_m: float
-    max_range_m: float
-    noise_m: float
-    noise_per_m2: float
-    top_m: float
-    floor_m: float
-    pit_m: float
-    steep_across: float  # |dr| / r beside a flying pixel, along a row
-    steep_down: float  # and along a column
-    lens_m: float  # over the floor
-    dense_m: float  # range at which pixels are as far apart as they need be
-    cluster_m: float  # nearer points are one surface,
-    slant_rad: float  # and those of pixels beside each other, by range
+    A point is then right to a micrometre, and twice as many pixels go through a processor at once.
+    """
 
-
-Nine = tuple[float, float, float, float, float, float, float, float, float]
-Six = tuple[float, float, float, float, float, float]
+    min_range_m: np.float32
+    max_range_m: np.float32
+    noise_m: np.float32
+    noise_per_m2: np.float32
+    top_m: np.float32
+    floor_m: np.float32
+    pit_m: np.float32
+    steep_across: np.float32  # |dr| / r beside a flying pixel, along a row
+    steep_down: np.float32  # and along a column
+    lens_m: np.float32  # over the floor
+    dense_m: np.float32  # range at which pixels are as far apart as they need be
+    cluster_m: np.float32  # nearer points are one surface,
+    slant_rad: np.float32  # and those of pixels beside each other, by range
 
 
 class Leveled(NamedTuple):
-    """R (3, 3) from sensor to level, and the covariance of the floor, both row by row."""
+    """From sensor to level, and how sure the floor is."""
 
-    R: Nine
-    floor: Six  # of height, slope along x, slope along y: 00 01 02 11 12 22
+    R: tuple[np.float32, ...]  # (3, 3), row by row
+    # the square of three sigmas of the floor's height at (x, y):
+    # g0 + g1 x + g2 y + g3 x^2 + g4 x y + g5 y^2
+    gate2: tuple[np.float32, ...]
 
 
 class Points(NamedTuple):
@@ -84,20 +88,24 @@ class Fan(NamedTuple):
     per_width: float
 
 
+class Row(NamedTuple):
+    """Room for one row of pixels, (columns,) each."""
+
+    dx: F32  # of its rays, unit vectors, level
+    dy: F32
+    dz: F32
+    x: F32  # m, level
+    y: F32
+    z: F32
+    gate2: F32  # m2, of three sigmas of z
+    loose: U8  # 1: flying, should it be of a thing
+    cell: I32  # of the fan
+
+
 @kernel
 def sigma_m(range_m: float, noise_m: float, noise_per_m2: float) -> float:
     """One sigma of a range."""
     return noise_m + noise_per_m2 * range_m * range_m
-
-
-@kernel
-def _is_between(before: float, here: float, after: float, steep: float) -> bool:
-    """Whether a range lies between its neighbours, by a steep step to each."""
-    if before == 0.0 or after == 0.0:
-        return False
-    up, on = here - before, after - here
-    least = steep * min(before, after)
-    return (up > least and on > least) or (up < -least and on < -least)
 
 
 @kernel
@@ -112,108 +120,180 @@ def fan_cell(x: float, y: float, fan: Fan) -> int:
     return int(at) * fan.steps + step
 
 
-@kernel
-def _project(units: F32, ranges: F32, i: int, leveled: Leveled, limits: Limits, row: F32) -> None:
-    """Directions, points, and the square of three sigmas of their heights, of a row of pixels.
+@releasing_kernel
+def measure(numbers: U16, per_unit: F32, most_m: float, padded: F32) -> None:
+    """Ranges of an image's numbers (rows, columns), at most so far, into the middle of `padded`."""
+    most = np.float32(most_m)
+    for i in range(numbers.shape[0]):
+        given, per, here = numbers[i], per_unit[i], padded[i + RIM, RIM:]
+        for j in range(given.size):
+            here[j] = min(np.float32(given[j]) * per[j], most)
 
-    No branch in it, so that the compiler does several pixels at once.
-    """
+
+@kernel
+def _project(units: F32, padded: F32, i: int, leveled: Leveled, limits: Limits, row: Row) -> None:
+    """Directions, points, and the square of three sigmas of their heights, of a row of pixels."""
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = leveled.R
-    c00, c01, c02, c11, c12, c22 = leveled.floor
-    c01, c02, c12 = 2.0 * c01, 2.0 * c02, 2.0 * c12
-    for j in range(ranges.shape[1]):
-        a, b, c, r = units[0, i, j], units[1, i, j], units[2, i, j], ranges[i, j]
+    g0, g1, g2, g3, g4, g5 = leveled.gate2
+    noise, per_m2 = np.float32(GATE * limits.noise_m), np.float32(GATE * limits.noise_per_m2)
+    ahead, left, up, here = units[0, i], units[1, i], units[2, i], padded[i + RIM, RIM:]
+    for j in range(row.x.size):
+        a, b, c, r = ahead[j], left[j], up[j], here[j]
         dx, dy = r0 * a + r1 * b + r2 * c, r3 * a + r4 * b + r5 * c
         dz = r6 * a + r7 * b + r8 * c
         x, y = r * dx, r * dy
-        s = (limits.noise_m + limits.noise_per_m2 * r * r) * dz
-        row[0, j], row[1, j], row[2, j], row[3, j] = dx, dy, dz, x
-        row[4, j], row[5, j] = y, limits.lens_m + r * dz
-        var = s * s + c00 + x * (c01 + c11 * x + c12 * y) + y * (c02 + c22 * y)
-        row[6, j] = 9.0 * var
+        s = (noise + per_m2 * r * r) * dz
+        row.dx[j], row.dy[j], row.dz[j], row.x[j], row.y[j] = dx, dy, dz, x, y
+        row.z[j] = limits.lens_m + r * dz
+        row.gate2[j] = s * s + g0 + x * (g1 + g3 * x + g4 * y) + y * (g2 + g5 * y)
 
 
 @kernel
-def _kind(i: int, j: int, z: float, var: float, ranges: F32, limits: Limits) -> int:
-    """What a pixel is, by its height and the square of three sigmas of it."""
-    r = ranges[i, j]
-    if not limits.min_range_m <= r < limits.max_range_m or r == 0.0:
-        return NOTHING
-    if z * z <= max(limits.floor_m * limits.floor_m, var):
-        return FLOOR if var <= limits.pit_m * limits.pit_m else NOTHING
-    if z > limits.top_m:
-        return HIGH
-    if z > 0.0:
-        is_loose = _is_flying(ranges, i, j, limits) or _is_alone(ranges, i, j, limits)
-        return FLYING if is_loose else THING
-    return PIT if z < -limits.pit_m else NOTHING
+def _find_loose(padded: F32, i: int, limits: Limits, loose: U8) -> None:
+    """Which pixels of a row (columns,) are flying: 1, else 0.
+
+    Those between what is beside, or over and under them, by a steep step to each; and those alone,
+    for none of the eight around may lie on one surface with them. At the edge of a thing before
+    what is out of reach, a mixed range may be any.
+    """
+    across, down = limits.steep_across, limits.steep_down
+    near, slant = limits.cluster_m, limits.slant_rad
+    noise, per_m2 = np.float32(APART * limits.noise_m), np.float32(APART * limits.noise_per_m2)
+    first = RIM - 1  # the column before that of pixel 0
+    above, below = padded[i + RIM - 1, first:], padded[i + RIM + 1, first:]
+    here = padded[i + RIM, first:]
+    for j in range(loose.size):
+        r, a, b, c, d = here[j + 1], here[j], here[j + 2], above[j + 1], below[j + 1]
+        least = across * min(a, b)
+        is_between = (min(r - a, b - r) > least) | (max(r - a, b - r) < -least)
+        is_flying = is_between & (min(a, b) > 0.0)
+        least = down * min(c, d)
+        is_between = (min(r - c, d - r) > least) | (max(r - c, d - r) < -least)
+        is_flying |= is_between & (min(c, d) > 0.0)
+        beside = min(min(abs(a - r), abs(b - r)), min(abs(c - r), abs(d - r)))
+        over = min(abs(above[j] - r), abs(above[j + 2] - r))
+        under = min(abs(below[j] - r), abs(below[j + 2] - r))
+        most = max(max(near, noise + per_m2 * r * r), slant * r)
+        loose[j] = is_flying | (min(beside, min(over, under)) > most)
 
 
-@releasing_kernel
-def classify(
-    units: F32, ranges: F32, leveled: Leveled, limits: Limits, kinds: U8, points: Points,
-    fan: Fan, row: F32,
-) -> None:  # fmt: skip
-    """What each pixel is, and the points of things (from the front) and pits (from the back).
+@kernel
+def _sort(padded: F32, i: int, row: Row, limits: Limits, kinds: U8) -> None:
+    """What each pixel of a row is, by its range, its height and the three sigmas of that.
 
     Args:
-        units: (3, rows, columns) unit vectors, sensor frame.
-        ranges: (rows, columns) m.
-        kinds: (rows, columns), written.
-        row: (7, columns), room.
+        kinds: (columns,), written.
     """
-    rows, columns = ranges.shape
-    things, pits, last = 0, 0, points.x.size - 1
-    for i in range(rows):
-        _project(units, ranges, i, leveled, limits, row)
-        for j in range(columns):
-            z = row[5, j]
-            kind = _kind(i, j, z, row[6, j], ranges, limits)
-            kinds[i, j] = kind
-            if kind == FLOOR:
-                if j % FAN_COLUMNS == 0:
-                    _count(row[3, j], row[4, j], z, kind, fan)
-                continue
-            if kind == THING:
-                share = _share(i, j, ranges[i, j], limits.dense_m)
-                if share > 0:
-                    r = _smoothed(ranges, i, j, limits)
-                    points.x[things], points.y[things] = r * row[0, j], r * row[1, j]
-                    points.z[things] = limits.lens_m + r * row[2, j]
-                    points.pixels[things] = share
-                    things += 1
-            if row[2, j] < 0.0 and (kind == PIT or j % FAN_COLUMNS == 0):
-                s = -limits.lens_m / row[2, j]  # where it should have met the floor
-                x, y = s * row[0, j], s * row[1, j]
-                if kind == PIT:
-                    here = last - pits
-                    points.x[here], points.y[here], points.z[here] = x, y, 0.0
-                    pits += 1
-                if j % FAN_COLUMNS == 0:
-                    _count(x, y, z, kind, fan)
+    floor2, pit2 = limits.floor_m * limits.floor_m, limits.pit_m * limits.pit_m
+    here = padded[i + RIM, RIM:]
+    for j in range(kinds.size):
+        r, z, gate2 = here[j], row.z[j], row.gate2[j]
+        thing = HIGH if z > limits.top_m else (FLYING if row.loose[j] else THING)
+        lower = PIT if z < -limits.pit_m else NOTHING
+        floor = FLOOR if gate2 <= pit2 else NOTHING
+        kind = floor if z * z <= max(floor2, gate2) else (thing if z > 0.0 else lower)
+        is_measured = (r >= limits.min_range_m) & (r < limits.max_range_m) & (r != 0.0)
+        kinds[j] = kind if is_measured else NOTHING
+
+
+@kernel
+def _collect(padded: F32, i: int, row: Row, kinds: U8, limits: Limits, points: Points) -> None:
+    """Points of a row's things, and where the floor should have been of its pits."""
+    things, pits, last = points.found[0], points.found[1], points.x.size - 1
+    for j in range(kinds.size):
+        if kinds[j] == THING:
+            share = _share(i, j, padded[i + RIM, j + RIM], float(limits.dense_m))
+            if share > 0:
+                r = _smoothed(padded, i, j, limits)
+                points.x[things], points.y[things] = r * row.dx[j], r * row.dy[j]
+                points.z[things] = limits.lens_m + r * row.dz[j]
+                points.pixels[things] = share
+                things += 1
+        elif kinds[j] == PIT and row.dz[j] < 0.0:
+            s, here = -limits.lens_m / row.dz[j], last - pits
+            points.x[here], points.y[here], points.z[here] = s * row.dx[j], s * row.dy[j], 0.0
+            pits += 1
     points.found[0], points.found[1] = things, pits
 
 
 @kernel
-def _smoothed(ranges: F32, i: int, j: int, limits: Limits) -> float:
+def _find_cells(row: Row, kinds: U8, lens_m: np.float32, fan: Fan) -> None:
+    """The fan's cell, in `row.cell`, of where each pixel of a row met the floor, or should have.
+
+    -1: neither, or not in the fan.
+    """
+    half, least = np.float32(fan.half), np.float32(LEAST)
+    per_width, per_step = np.float32(fan.per_width), np.float32(fan.per_step)
+    bearings, steps, nowhere = np.float32(fan.bearings), np.int32(fan.steps), np.int32(-1)
+    for j in range(kinds.size):
+        is_floor, dx, dz = kinds[j] == FLOOR, row.dx[j], row.dz[j]
+        x = row.x[j] if is_floor else lens_m * dx / max(-dz, least)
+        at, step = (row.dy[j] / max(dx, least) + half) * per_width, x * per_step
+        is_in = (is_floor | (dz < 0.0)) & (x > 0.0) & (at >= 0.0) & (at < bearings) & (step < steps)
+        cell = np.int32(at if is_in else half) * steps + np.int32(step if is_in else half)
+        row.cell[j] = cell if is_in else nowhere
+
+
+@kernel
+def _count(row: Row, kinds: U8, fan: Fan) -> None:
+    """Note every n-th pixel of a row in its cell: as one of the floor, or one that it lacks."""
+    for j in range(0, kinds.size, FAN_COLUMNS):
+        at = row.cell[j]
+        if at < 0:
+            continue
+        if kinds[j] == FLOOR:
+            fan.floor[at] += 1
+            fan.height_m[at] += row.z[j]
+        else:
+            fan.missing[at] += 1
+
+
+@releasing_kernel
+def classify(
+    units: F32, padded: F32, leveled: Leveled, limits: Limits, kinds: U8, points: Points,
+    fan: Fan, row: Row,
+) -> None:  # fmt: skip
+    """What each pixel is, and the points of things (from the front) and pits (from the back).
+
+    Row by row, and where most pixels need it without a branch: so the compiler does several at
+    once, and what a row needs stays in the cache.
+
+    Args:
+        units: (3, rows, columns) unit vectors, sensor frame.
+        padded: (rows + 2 RIM, columns + 2 RIM) m, ranges within a rim of BEYOND_M.
+        kinds: (rows, columns), written.
+    """
+    points.found[0], points.found[1] = 0, 0
+    for i in range(kinds.shape[0]):
+        _project(units, padded, i, leveled, limits, row)
+        _find_loose(padded, i, limits, row.loose)
+        _sort(padded, i, row, limits, kinds[i])
+        _collect(padded, i, row, kinds[i], limits, points)
+        _find_cells(row, kinds[i], limits.lens_m, fan)
+        _count(row, kinds[i], fan)
+
+
+@kernel
+def _smoothed(padded: F32, i: int, j: int, limits: Limits) -> np.float32:
     """The mean of a range and of those around it that lie on one surface with it.
 
     Neighbours count in pairs, one on each side: the mean of a pair lies on any plane, however it
     is turned, and at the rim of a thing only pairs along the rim do. A pair whose mean is further
-    off than noise explains is none of this surface.
+    off than noise explains is none of this surface. Which these are no processor foresees, so
+    there is no branch.
     """
-    rows, columns = ranges.shape
-    r: float = ranges[i, j]
-    most = PAIR_SIGMAS * sigma_m(r, limits.noise_m, limits.noise_per_m2)
-    total, count = r, 1.0
+    zero, half, one, two = np.float32(0.0), np.float32(0.5), np.float32(1.0), np.float32(2.0)
+    i, j = i + RIM, j + RIM
+    r = padded[i, j]
+    most = np.float32(PAIR_SIGMAS) * (limits.noise_m + limits.noise_per_m2 * r * r)
+    total, count = r, one
     for k in range(len(PAIRS)):
-        di, dj = PAIRS[k]
-        if i < di or i + di >= rows or j < abs(dj) or j + abs(dj) >= columns:
-            continue
-        a, b = ranges[i - di, j - dj], ranges[i + di, j + dj]
-        if a > 0.0 and b > 0.0 and abs(0.5 * (a + b) - r) <= most:
-            total, count = total + a + b, count + 2.0
-    return total / count
+        a, b = padded[i - PAIRS[k][0], j - PAIRS[k][1]], padded[i + PAIRS[k][0], j + PAIRS[k][1]]
+        is_same = (min(a, b) > zero) & (abs(half * (a + b) - r) <= most)
+        total += a + b if is_same else zero
+        count += two if is_same else zero
+    mean: np.float32 = total / count
+    return mean
 
 
 @kernel
@@ -228,49 +308,3 @@ def _share(i: int, j: int, range_m: float, dense_m: float) -> int:
     if range_m * 1.414 < dense_m:  # a chessboard
         return 2 if (i + j) % 2 == 0 else 0
     return 1
-
-
-@kernel
-def _is_flying(ranges: F32, i: int, j: int, limits: Limits) -> bool:
-    """Whether a pixel lies between those beside it, or between those over and under it."""
-    rows, columns = ranges.shape
-    r = ranges[i, j]
-    if 0 < j < columns - 1 and _is_between(
-        ranges[i, j - 1], r, ranges[i, j + 1], limits.steep_across
-    ):
-        return True
-    return 0 < i < rows - 1 and _is_between(
-        ranges[i - 1, j], r, ranges[i + 1, j], limits.steep_down
-    )
-
-
-@kernel
-def _is_alone(ranges: F32, i: int, j: int, limits: Limits) -> bool:
-    """Whether none of the pixels around one may lie on one surface with it.
-
-    At the edge of a thing before what is out of reach, a mixed range may be any.
-    """
-    rows, columns = ranges.shape
-    r: float = ranges[i, j]
-    if j > 0 and abs(ranges[i, j - 1] - r) <= limits.cluster_m:
-        return False  # nearly all
-    noise = APART * sigma_m(r, limits.noise_m, limits.noise_per_m2)
-    most = max(limits.cluster_m, noise, limits.slant_rad * r)
-    for a in range(max(0, i - 1), min(rows, i + 2)):
-        for b in range(max(0, j - 1), min(columns, j + 2)):
-            if (a != i or b != j) and abs(ranges[a, b] - r) <= most:
-                return False
-    return True
-
-
-@kernel
-def _count(x: float, y: float, z: float, kind: int, fan: Fan) -> None:
-    """Note a pixel of the floor, or one that should have been."""
-    at = fan_cell(x, y, fan)
-    if at < 0:
-        return
-    if kind == FLOOR:
-        fan.floor[at] += 1
-        fan.height_m[at] += z
-    else:
-        fan.missing[at] += 1

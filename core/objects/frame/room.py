@@ -13,14 +13,15 @@ import numpy.typing as npt
 from core.objects.frame.floor import LEVEL_BINS, Gated
 from core.objects.frame.hulls import Rings
 from core.objects.frame.outlines import Columns, Measures
-from core.objects.frame.pixels import FAN_COLUMNS, I32, Fan, Points
+from core.objects.frame.pixels import BEYOND_M, FAN_COLUMNS, I32, RIM, Fan, Points, Row
 from core.objects.frame.settings import FrameSettings
 from core.objects.frame.summits import LEVELS
 from core.objects.frame.voxels import NONE, Clusters, Voxels, warp_of
 from core.objects.frame.wall_ends import BINS
-from core.records import F32, F64, DepthCamera
+from core.records import F32, F64, I64, U8, U16, DepthCamera
 
 T = TypeVar("T")
+KINDS = {F32: np.float32, I32: np.int32, I64: np.int64, U8: np.uint8}
 
 FAN_STEP_M = 0.03  # of the fan's cells, along x
 FAN_WIDTH = 0.01  # and across, in y / x: at least so much, and two pixels that are counted
@@ -44,11 +45,13 @@ class Room:
         units = np.nan_to_num(camera.rays, nan=0.0, posinf=0.0, neginf=0.0)
         planar = np.moveaxis(units / np.where(norms > 0.0, norms, 1.0)[:, :, None], 2, 0)
         self.units: F32 = np.ascontiguousarray(planar, np.float32)  # (3, rows, columns)
-        self.row: F32 = np.zeros((7, columns), np.float32)
+        self.row = _made(Row, columns)
         self.across_rad, self.down_rad = _pitch(camera.rays, 1), _pitch(camera.rays, 0)
         self.warp = warp_of(settings, max(self.across_rad, self.down_rad))
         self.stride = max(1, round(math.sqrt(n / GATED)))
-        self.ranges: F32 = np.zeros((rows, columns), np.float32)
+        self.numbers: U16 = np.zeros((rows, columns), np.uint16)
+        self.padded: F32 = np.full((rows + 2 * RIM, columns + 2 * RIM), BEYOND_M, np.float32)
+        self.ranges: F32 = self.padded[RIM:-RIM, RIM:-RIM]
         self.kinds = np.zeros((rows, columns), np.uint8)
         self.points = Points(floats(n), floats(n), floats(n), np.ones(n, np.uint8), ints(2))
         self.voxels = _made(Voxels, n, table=table, sums=np.zeros((n, 8), np.float32))
@@ -78,8 +81,7 @@ class Room:
 def _made(of: Callable[..., T], n: int, **given: npt.NDArray[Any]) -> T:
     """A named tuple of arrays (n,), each of the type that its field has; but those given."""
     hints = get_type_hints(of)
-    kinds = {name: np.float32 if hint == F32 else np.int32 for name, hint in hints.items()}
-    made = {name: np.zeros(n, kind) for name, kind in kinds.items() if name not in given}
+    made = {name: np.zeros(n, KINDS[hint]) for name, hint in hints.items() if name not in given}
     return of(**made, **given)
 
 

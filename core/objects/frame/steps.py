@@ -11,6 +11,7 @@ from typing import Literal, NamedTuple
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
 
 from core.geometry import R_from_rpy
 from core.objects.frame import (
@@ -24,8 +25,8 @@ from core.objects.frame import (
     wall_ends,
     wall_lines,
 )
-from core.objects.frame.floor import GATE, SHARED, Floor
-from core.objects.frame.pixels import Leveled, Limits, Nine, Six
+from core.objects.frame.floor import SHARED, Floor, Nine
+from core.objects.frame.pixels import GATE, Leveled, Limits
 from core.objects.frame.room import Room
 from core.objects.frame.settings import FrameSettings
 from core.objects.frame.wall_lines import Correction
@@ -138,14 +139,14 @@ class FrameSteps:
         The latter is (3,) of z = a + b x + c y in the level frame. None: the floor is not known.
         """
         room = self._room_of(image.camera)
-        np.multiply(image.numbers, room.per_unit, out=room.ranges, casting="same_kind")
-        np.minimum(room.ranges, np.float32(2.0 * self._settings.max_range_m), out=room.ranges)
+        np.copyto(room.numbers, image.numbers)  # whoever made them, for kernels they are alike
+        most_m = 2.0 * self._settings.max_range_m
+        pixels.measure(room.numbers, room.per_unit, most_m, room.padded)
         sigmas = float(pose.sigma_height_m), float(pose.sigma_pitch_rad), float(pose.sigma_roll_rad)
         limits = self._settings.min_range_m, self._settings.max_range_m, *self._noise
         gated, lens_m = room.gated, float(level.lens[2])
         floor.gather(
-            room.units, room.ranges, room.stride,
-            Leveled(_row(level.R), (0.0,) * 6), lens_m, sigmas, limits, gated,
+            room.units, room.ranges, room.stride, _row(level.R), lens_m, sigmas, limits, gated,
         )  # fmt: skip
         used, chi2, a, b, c = floor.fit(gated, sigmas, room.levels, room.N, room.C)
         share = used / max(1, int(gated.found[0]))
@@ -172,18 +173,21 @@ class FrameSteps:
         lens_m: float = (float(level.lens[2]) - a) / math.sqrt(1.0 + b * b + c * c)
         angle = math.tan(math.radians(settings.flying_deg))
         steep = [pitch / max(1e-6, angle) for pitch in (room.across_rad, room.down_rad)]
-        limits = Limits(
+        limits = (
             settings.min_range_m, settings.max_range_m, *self._noise, settings.top_m,
             settings.floor_m, settings.pit_m, steep[0], steep[1], lens_m,
             DENSE * settings.voxel_m / max(room.across_rad, room.down_rad, 1e-6),
             settings.cluster_m, pixels.SLANT * max(room.across_rad, room.down_rad),
         )  # fmt: skip
-        covariance: Six = (*C[0].tolist(), *C[1, 1:].tolist(), float(C[2, 2]))
+        once, twice = np.diag(C), 2.0 * C
+        gate2 = GATE**2 * np.array(
+            [once[0], twice[0, 1], twice[0, 2], once[1], twice[1, 2], once[2]]
+        )
         R = floor.level_rotation(b, c) @ level.R
         view.clear(room.fan)
         pixels.classify(
-            room.units, room.ranges, Leveled(_row(R), covariance), limits, room.kinds,
-            room.points, room.fan, room.row,
+            room.units, room.padded, Leveled(_singles(R), _singles(gate2)),
+            Limits(*_singles(limits)), room.kinds, room.points, room.fan, room.row,
         )  # fmt: skip
         return lens_m
 
@@ -229,10 +233,11 @@ class FrameSteps:
 
         The latter is (n, 4), level frame.
         """
-        if len(known_walls) == 0:
-            return None, np.zeros((0, 4))
-        turn = _turn(level.yaw_rad)
-        ends = (np.asarray(known_walls, np.float64).reshape(-1, 2) - level.lens[:2]) @ turn
+        turn, segments = _turn(level.yaw_rad), np.asarray(known_walls, np.float64).reshape(-1, 4)
+        segments = segments[(segments[:, :2] != segments[:, 2:]).any(axis=1)]
+        if len(segments) == 0:
+            return None, segments
+        ends = (segments.reshape(-1, 2) - level.lens[:2]) @ turn
         sigmas = float(pose.sigma_xy_m), float(pose.sigma_yaw_rad)
         walls, gaps_m = ends.reshape(-1, 4), self._gaps_at(room, ends, noise[2]).reshape(-1, 2)
         within_m, height_m = self._settings.wall_m, self._settings.wall_height_m
@@ -374,6 +379,10 @@ def _turn(yaw_rad: float) -> F64:
     """(2, 2) from level to map."""
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return np.array([[c, -s], [s, c]])
+
+
+def _singles(numbers: npt.ArrayLike) -> tuple[np.float32, ...]:
+    return tuple(np.ravel(np.asarray(numbers, np.float32)))
 
 
 def _row(R: F64) -> Nine:

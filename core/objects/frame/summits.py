@@ -7,9 +7,9 @@ higher. Only summits of at least UPRIGHT_M count: a table or a box has none.
 Source: docs/objects.md, section 6; watershed by flooding, Vincent and Soille 1991.
 """
 
-from core.objects.frame.outlines import Columns
+from core.objects.frame.outlines import BESIDE, Columns
 from core.objects.frame.pixels import I32
-from core.objects.frame.voxels import NONE, Clusters, Voxels, find, root_of, table_size
+from core.objects.frame.voxels import LOW, NONE, Clusters, Voxels, find, root_of, table_size
 from jit import kernel, releasing_kernel
 
 UPRIGHT_M = 1.0
@@ -20,16 +20,18 @@ LEVEL_M, LEVELS = 0.02, 512  # heights that count as one
 def _cells(voxels: Voxels, count: int, labels: I32, clusters: Clusters, to: Columns) -> int:
     """Cells of the cluster grid seen from above, with their tops in `to.x`: how many."""
     n, table = 0, to.table[: table_size(count, to.table.size)]
+    table[:] = NONE
     for v in range(count):
         to.of[v] = NONE
         label, cell = labels[v], clusters.cell[v]
         if label == NONE:
             continue
-        at = find(clusters.ix[cell], clusters.iy[cell], label, table, to.ix, to.iy, to.label)
+        key = clusters.key[cell] & ~LOW | label
+        at = find(key, table, to.key)
         c = table[at]
         if c == NONE:
-            c, table[at], to.slot[n] = n, n, at
-            to.ix[n], to.iy[n], to.label[n] = clusters.ix[cell], clusters.iy[cell], label
+            c = table[at] = n
+            to.key[n] = key
             to.x[n], to.rim[n], to.point_label[n] = 0.0, n, 0
             n += 1
         to.x[c] = max(to.x[c], voxels.high[v])
@@ -56,9 +58,8 @@ def _flood(c: int, valley_m: float, table: I32, to: Columns) -> None:
     """Join a cell to the highest summit beside it, and lower ones that hardly rise over it."""
     parent, best = to.rim, NONE
     for turn in range(2):
-        for k in range(9):
-            ix, iy = to.ix[c] + k % 3 - 1, to.iy[c] + k // 3 - 1
-            other = table[find(ix, iy, to.label[c], table, to.ix, to.iy, to.label)]
+        for k in range(len(BESIDE)):
+            other = table[find(to.key[c] + BESIDE[k], table, to.key)]
             if other == NONE or to.point_label[other] == 0:
                 continue
             root = root_of(parent, other)
@@ -91,7 +92,6 @@ def part(
     for k in range(n):
         _flood(to.kept[k], valley_m, table, to)
     for c in range(n):
-        table[to.slot[c]] = NONE
         to.kept[c] = NONE
     found = 0
     for v in range(count):

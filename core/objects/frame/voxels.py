@@ -21,10 +21,22 @@ import numpy as np
 
 from core.objects.frame.pixels import APART, I32, SLANT, Points
 from core.objects.frame.settings import FrameSettings
-from core.records import F32, F64
+from core.records import F32, F64, I64
 from jit import kernel, releasing_kernel
 
-HALF = 1 << 19  # cells on each side of 0 that a key tells apart
+# A cell's key: its place along x, y and z (or a label) in 21 bits each, so that one comparison
+# tells cells apart, and what is added to a key leads to a cell beside it.
+BITS, HALF = 21, 1 << 20  # so many cells on each side of 0
+LOW = (1 << BITS) - 1
+BESIDE_X, BESIDE_Y, BESIDE_Z = 1 << 2 * BITS, 1 << BITS, 1
+BEFORE = tuple(  # to the half of the 26 cells around one: over faces, over edges, over corners
+    x * BESIDE_X + y * BESIDE_Y + z * BESIDE_Z
+    for over in (1, 2, 3)
+    for z in (-1, 0)
+    for y in (-1, 0, 1)
+    for x in (-1, 0, 1)
+    if abs(x) + abs(y) + abs(z) == over and (z, y, x) < (0, 0, 0)
+)
 NONE = -1
 WARP_STEP_M = 0.05  # of the table of s(r) / r
 
@@ -38,12 +50,10 @@ class Voxels(NamedTuple):
     low: F32  # lowest and highest of its points
     high: F32
     pixels: I32  # how many they are
-    slot: I32  # where it stands in the table
-    of: I32  # (points,) voxel of each point
-    table: I32  # (power of two,) NONE but while a kernel runs
-    ix: I32  # (n,) cell
-    iy: I32
-    iz: I32
+    of: I32  # (points,) voxel of each point,
+    of_key: I64  # and its key
+    table: I32  # (power of two,) by hash, the number of what is there; NONE: nothing
+    key: I64  # (n,) of its cell
     sums: F32  # (n, 8) while they are filled: x, y, z, low, high, pixels, points of a voxel
 
 
@@ -52,14 +62,12 @@ class Clusters(NamedTuple):
 
     first: I32  # (n,) first voxel of a cell
     last: I32
-    ix: I32
-    iy: I32
-    iz: I32
+    key: I64
     parent: I32  # (n,) of a cell: another one of its cluster, or itself
     label: I32  # (n,) of a cell, then of its cluster
-    slot: I32
     after: I32  # (voxels,) the next one in its cell
-    cell: I32  # (voxels,) its cell
+    cell: I32  # (voxels,) its cell,
+    cell_key: I64  # and its key
     table: I32
     x: F32  # (voxels,) m, drawn together
     y: F32
@@ -83,7 +91,10 @@ def warp_of(settings: FrameSettings, pitch_rad: float) -> F64:
 
 @kernel
 def table_size(count: int, most: int) -> int:
-    """A power of two that holds so many well: a small table stays in the cache."""
+    """A power of two that holds so many well: a small table stays in the cache.
+
+    Who fills it clears it first, which brings it there.
+    """
     size = 64
     while size < 2 * count and size < most:
         size *= 2
@@ -91,63 +102,78 @@ def table_size(count: int, most: int) -> int:
 
 
 @kernel
-def _hash(ix: int, iy: int, iz: int, mask: int) -> int:
+def _hash(key: int, mask: int) -> int:
     """Where a cell is looked for first."""
+    ix, iy, iz = key >> 2 * BITS, key >> BITS & LOW, key & LOW
     h = (ix * 73856093) ^ (iy * 19349663) ^ (iz * 83492791)
     return (h ^ (h >> 15)) & mask
 
 
 @kernel
-def find(ix: int, iy: int, iz: int, table: I32, x: I32, y: I32, z: I32) -> int:
+def find(key: int, table: I32, keys: I64) -> int:
     """The table's slot of a cell, or the empty one where it belongs."""
     mask = table.size - 1
-    at = _hash(ix, iy, iz, mask)
-    while True:
-        n = table[at]
-        if n == NONE or (x[n] == ix and y[n] == iy and z[n] == iz):
-            return at
+    at = _hash(key, mask)
+    while table[at] != NONE and keys[table[at]] != key:
         at = (at + 1) & mask
+    return at
 
 
 @kernel
-def cell_of(value: float, per_m: float) -> int:
-    """Cell of a coordinate: `floor` without a call."""
-    return int(value * per_m + HALF) - HALF
+def part_of(value: float, per_m: float) -> int:
+    """A coordinate's part of a key: `floor` without a call."""
+    return int(value * per_m + HALF)
+
+
+@kernel
+def key_of(x: float, y: float, z: float, per_m: float) -> int:
+    """Of the cell of a point."""
+    parts = part_of(x, per_m) << 2 * BITS | part_of(y, per_m) << BITS
+    return parts | part_of(z, per_m)
+
+
+@kernel
+def _place(points: Points, begin: int, step: int, count: int, edge_m: float, to: Voxels) -> int:
+    """Find the voxel of each point: how many voxels.
+
+    Keys first, for a processor looks only so far ahead, and what it should see are searches.
+    """
+    n, per_m, table = 0, 1.0 / edge_m, to.table[: table_size(count, to.table.size)]
+    table[:] = NONE
+    for k in range(count):
+        p = begin + k * step
+        to.of_key[k] = key_of(points.x[p], points.y[p], points.z[p], per_m)
+    for k in range(count):
+        at = find(to.of_key[k], table, to.key)
+        v = table[at]
+        if v == NONE:
+            v = table[at] = n
+            to.key[n] = to.of_key[k]
+            n += 1
+        to.of[k] = v
+    return n
 
 
 @releasing_kernel
 def thin(points: Points, begin: int, step: int, count: int, edge_m: float, to: Voxels) -> int:
     """Means of the points in each voxel: how many voxels. Points at begin, begin + step, ..."""
-    table = to.table[: table_size(count, to.table.size)]
-    n, per_m, last, sums = 0, 1.0 / edge_m, NONE, to.sums
+    n, sums = _place(points, begin, step, count, edge_m, to), to.sums
+    for v in range(n):
+        sums[v, :] = np.float32(0.0)
+        sums[v, 3], sums[v, 4] = np.float32(math.inf), np.float32(-math.inf)
     for k in range(count):
-        p = begin + k * step
+        p, v = begin + k * step, to.of[k]
         x, y, z = points.x[p], points.y[p], points.z[p]
-        ix, iy, iz = cell_of(x, per_m), cell_of(y, per_m), cell_of(z, per_m)
-        v = last
-        if v == NONE or to.ix[v] != ix or to.iy[v] != iy or to.iz[v] != iz:
-            at = find(ix, iy, iz, table, to.ix, to.iy, to.iz)
-            v = table[at]
-            if v == NONE:
-                v, table[at], to.slot[n] = n, n, at
-                to.ix[n], to.iy[n], to.iz[n] = ix, iy, iz
-                sums[n, 0], sums[n, 1], sums[n, 2] = 0.0, 0.0, 0.0
-                sums[n, 5], sums[n, 6] = 0.0, 0.0
-                sums[n, 3], sums[n, 4] = z, z
-                n += 1
-            last = v
-        to.of[k] = v
         sums[v, 0] += x
         sums[v, 1] += y
         sums[v, 2] += z
         sums[v, 3], sums[v, 4] = min(sums[v, 3], z), max(sums[v, 4], z)
-        sums[v, 6] += 1.0
         sums[v, 5] += points.pixels[p]
+        sums[v, 6] += 1.0
     for v in range(n):
         share = 1.0 / sums[v, 6]
         to.x[v], to.y[v], to.z[v] = sums[v, 0] * share, sums[v, 1] * share, sums[v, 2] * share
         to.low[v], to.high[v], to.pixels[v] = sums[v, 3], sums[v, 4], int(sums[v, 5])
-        table[to.slot[v]] = NONE
     return n
 
 
@@ -182,22 +208,23 @@ def _fill(
 ) -> int:
     """Sort the voxels that are left into cells: how many cells."""
     cells, per_m, table = 0, 1.0 / edge_m, to.table[: table_size(count, to.table.size)]
+    table[:] = NONE
     for v in range(count):
-        to.cell[v], to.after[v] = NONE, NONE
-        if used[v] != 0:
-            continue
         x, y, z = voxels.x[v], voxels.y[v], voxels.z[v] - lens_m
         at_step = math.sqrt(x * x + y * y + z * z) / WARP_STEP_M
         k = min(int(at_step), warp.size - 2)
         scale = warp[k] + (at_step - k) * (warp[k + 1] - warp[k])
         to.x[v], to.y[v], to.z[v] = x * scale, y * scale, z * scale
-        ix, iy, iz = cell_of(to.x[v], per_m), cell_of(to.y[v], per_m), cell_of(to.z[v], per_m)
-        at = find(ix, iy, iz, table, to.ix, to.iy, to.iz)
+        to.cell_key[v] = key_of(to.x[v], to.y[v], to.z[v], per_m)
+    for v in range(count):
+        to.cell[v], to.after[v] = NONE, NONE
+        if used[v] != 0:
+            continue
+        at = find(to.cell_key[v], table, to.key)
         c = table[at]
         if c == NONE:
-            c, table[at], to.slot[cells] = cells, cells, at
-            to.ix[c], to.iy[c], to.iz[c], to.parent[c] = ix, iy, iz, c
-            to.first[c] = v
+            c = table[at] = cells
+            to.key[c], to.parent[c], to.first[c] = to.cell_key[v], c, v
             cells += 1
         else:
             to.after[to.last[c]] = v
@@ -206,17 +233,14 @@ def _fill(
 
 
 @kernel
-def _join_around(c: int, far2: float, table: I32, to: Clusters) -> None:
-    """Join a cell with those around it that have a voxel near enough; each pair once."""
-    for n in range(13):
-        dx, dy, dz = n % 3 - 1, n // 3 % 3 - 1, n // 9 - 1
-        at = find(to.ix[c] + dx, to.iy[c] + dy, to.iz[c] + dz, table, to.ix, to.iy, to.iz)
-        other = table[at]
-        if other == NONE:
-            continue
-        a, b = root_of(to.parent, c), root_of(to.parent, other)
-        if a != b and _are_near(c, other, to, far2):
-            to.parent[max(a, b)] = min(a, b)
+def _join(c: int, to_key: int, far2: float, table: I32, to: Clusters) -> None:
+    """Join a cell with another one, if that has a voxel near enough."""
+    other = table[find(to.key[c] + to_key, table, to.key)]
+    if other == NONE:
+        return
+    a, b = root_of(to.parent, c), root_of(to.parent, other)
+    if a != b and _are_near(c, other, to, far2):
+        to.parent[max(a, b)] = min(a, b)
 
 
 @releasing_kernel
@@ -233,8 +257,9 @@ def cluster(
     """
     cells = _fill(voxels, count, used, edge_m, lens_m, warp, to)
     table = to.table[: table_size(count, to.table.size)]
-    for c in range(cells):
-        _join_around(c, edge_m * edge_m, table, to)
+    for n in range(len(BEFORE)):  # what is one by the faces is not asked over edges and corners
+        for c in range(cells):
+            _join(c, BEFORE[n], edge_m * edge_m, table, to)
     found = 0
     for c in range(cells):  # a root stands before all that it holds
         root = root_of(to.parent, c)
@@ -243,7 +268,6 @@ def cluster(
             found += 1
         else:
             to.label[c] = to.label[root]
-        table[to.slot[c]] = NONE
     for v in range(count):
         labels[v] = NONE if to.cell[v] == NONE else to.label[to.cell[v]]
     return found

@@ -11,8 +11,7 @@ import math
 
 import numpy as np
 
-from core.objects.frame.floor import GATE
-from core.objects.frame.pixels import I32, sigma_m
+from core.objects.frame.pixels import GATE, I32, sigma_m
 from core.objects.frame.voxels import Voxels
 from core.records import F32, F64
 from jit import kernel, releasing_kernel
@@ -50,9 +49,11 @@ def _reach(
         dx = x + offset[0] - offset[2] * y - end[0]
         dy = y + offset[1] + offset[2] * x - end[1]
         along, e = u[0] * dx + u[1] * dy, abs(u[0] * dy - u[1] * dx)
+        if along < 0.0:
+            continue  # most of them
         gate = within_m + GATE * sigma_m(math.sqrt(x * x + y * y + z * z), noise[0], noise[1])
         at = int(2.0 * along / gap_m)
-        if along < 0.0 or at >= BINS or e > gate + gap_m:
+        if at >= BINS or e > gate + gap_m:
             continue
         if e <= gate:
             bins[at] |= ON
@@ -89,8 +90,6 @@ def grow(
             end = (walls[k, a], walls[k, a + 1])
             ux, uy = end[0] - walls[k, b], end[1] - walls[k, b + 1]
             length = math.sqrt(ux * ux + uy * uy)
-            if length == 0.0:
-                continue
             u = (ux / length, uy / length)
             if _goes_on(walls, k, end, u, within_m):
                 continue
@@ -143,8 +142,6 @@ def take_further(
     for k in range(walls.shape[0]):
         ux, uy = walls[k, 2] - walls[k, 0], walls[k, 3] - walls[k, 1]
         length = math.sqrt(ux * ux + uy * uy)
-        if length == 0.0:
-            continue
         ux, uy, gap_m = ux / length, uy / length, max(gaps_m[k, 0], gaps_m[k, 1])
         lens_m = uy * (walls[k, 0] - offset[0]) - ux * (walls[k, 1] - offset[1])
         per_bin, middle = 2.0 / gap_m, 0.5 * (BINS - 2.0 * length / gap_m)

@@ -12,12 +12,13 @@ Source: docs/objects.md, section 5.
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.frame.floor import GATE, SEED, SHARED
-from core.objects.frame.pixels import I32, sigma_m
+from core.objects.frame.floor import SEED, SHARED
+from core.objects.frame.pixels import GATE, I32, sigma_m
 from core.objects.frame.voxels import Voxels
 from core.objects.frame.wall_ends import BINS, grow
 from core.objects.records import Floats
@@ -53,13 +54,13 @@ def add_row(row: tuple[float, float, float], off_m: float, w: float, N: F64, g: 
 
 @releasing_kernel
 def on_known(
-    voxels: Voxels, count: int, walls: F64, sigmas: tuple[float, float], offset: F64,
+    voxels: Voxels, count: int, lines: F64, sigmas: tuple[float, float], offset: F64,
     is_first: bool, within_m: float, noise: tuple[float, float, float], N: F64, g: F64, used: I32,
 ) -> int:  # fmt: skip
     """Sums of one round of least squares over the voxels near known walls: how many.
 
     Args:
-        walls: (n, 4) segments, level frame.
+        lines: (n, 6) of the walls, by `line_of`, level frame.
         sigmas: of x or y, and of yaw.
         offset: (3,) dx, dy, dyaw so far; at first all 0.
         is_first: the pose is not corrected yet, and the gate wide.
@@ -79,15 +80,10 @@ def on_known(
         px = x + offset[0] - offset[2] * y
         py = y + offset[1] + offset[2] * x
         best, nx, ny, at = gate + slack if is_first else gate, 0.0, 0.0, 0
-        for k in range(walls.shape[0]):
-            ux, uy = walls[k, 2] - walls[k, 0], walls[k, 3] - walls[k, 1]
-            length = math.sqrt(ux * ux + uy * uy)
-            if length == 0.0:
-                continue
-            ux, uy = ux / length, uy / length
-            qx, qy = px - walls[k, 0], py - walls[k, 1]
+        for k in range(lines.shape[0]):
+            qx, qy, ux, uy = px - lines[k, 0], py - lines[k, 1], lines[k, 2], lines[k, 3]
             along, e = ux * qx + uy * qy, -uy * qx + ux * qy
-            if abs(e) < abs(best) and -slack <= along <= length + slack:
+            if abs(e) < abs(best) and -slack <= along <= lines[k, 5] + slack:
                 best, nx, ny, at = e, -uy, ux, k
         if nx == 0.0 and ny == 0.0:
             continue
@@ -111,11 +107,12 @@ def refound(
     """
     prior = np.diag([sigmas[0] ** -2.0, sigmas[0] ** -2.0, sigmas[1] ** -2.0])
     offset, found, C = np.zeros(3), 0, np.linalg.inv(prior)
+    lines = np.array([line_of(wall) for wall in walls])
     for number in range(ROUNDS + 1):
         N, g = np.zeros((3, 3)), np.zeros(3)
         is_first = number == 0
         found = on_known(
-            voxels, count, walls, sigmas, offset, is_first, within_m, noise, N, g, used
+            voxels, count, lines, sigmas, offset, is_first, within_m, noise, N, g, used
         )
         if number == ROUNDS:
             break
@@ -125,6 +122,7 @@ def refound(
         offset = offset - C @ (g + prior @ offset)
         if is_first:
             grow(voxels, count, walls, offset, within_m, noise, gaps_m, used, bins)
+            lines = np.array([line_of(wall) for wall in walls])
     return offset, C, found
 
 
@@ -138,24 +136,27 @@ def stretches(voxels: Voxels, count: int, walls: F64, offset: F64, used: I32) ->
     """
     on = np.flatnonzero(used[:count])
     x, y = voxels.x[on].astype(np.float64), voxels.y[on].astype(np.float64)
-    moved = np.column_stack([x + offset[0] - offset[2] * y, y + offset[1] + offset[2] * x])
-    found = []
-    for k in np.unique(used[on]):
+    x, y = x + offset[0] - offset[2] * y, y + offset[1] + offset[2] * x
+    found, wall_of = list[Floats](), used[on]
+    for k in np.unique(wall_of):
         start, end = walls[k - 1, :2], walls[k - 1, 2:]
         u = (end - start) / math.dist(start, end)
-        off = moved[used[on] == k] - start
-        along, aside = off @ u, off @ np.array([-u[1], u[0]])
-        order = np.argsort(along, kind="stable")
-        for run in np.split(order, np.flatnonzero(np.diff(along[order]) > GAP_M) + 1):
-            first, last = float(along[run[0]]), float(along[run[-1]])
+        n = np.array([-u[1], u[0]])
+        dx, dy = x[wall_of == k] - start[0], y[wall_of == k] - start[1]
+        along, aside = u[0] * dx + u[1] * dy, n[0] * dx + n[1] * dy
+        order = np.argsort(along)
+        along, aside = along[order], aside[order]
+        edges = np.flatnonzero(np.diff(along) > GAP_M) + 1
+        for begin, behind in pairwise([0, *edges.tolist(), len(along)]):
+            first, last = float(along[begin]), float(along[behind - 1])
             if last - first < SHORT_M:
                 continue
-            middle, slope = float(along[run].mean()), 0.0
+            t, e = along[begin:behind], aside[begin:behind]
+            middle, slope = t.mean(), 0.0
             if last - first >= STRAIGHT_M:
-                slope = float(np.cov(along[run], aside[run])[0, 1] / np.var(along[run]))
-            for t in (first, last):
-                e = float(aside[run].mean()) + slope * (t - middle)
-                found.append(start + t * u + e * np.array([-u[1], u[0]]))
+                slope = ((t - middle) * e).sum() / np.square(t - middle).sum()
+            for at in (first, last):
+                found.append(start + at * u + (e.mean() + slope * (at - middle)) * n)
     ends = np.array(found).reshape(-1, 2) - offset[:2]
     ends = ends + offset[2] * np.column_stack([ends[:, 1], -ends[:, 0]])
     return np.asarray(ends.reshape(-1, 4))

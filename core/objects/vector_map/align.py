@@ -16,6 +16,7 @@ import numpy as np
 
 from core.objects.records import Floats, FrameObjects
 from core.objects.vector_map.settings import ObjectMapSettings
+from jit import kernel, releasing_kernel
 
 ROUNDS = 4
 CAUCHY = 2.4  # sigmas where a residual weighs half: 95 % efficient without outliers
@@ -30,6 +31,14 @@ class Sides(NamedTuple):
     pieces: Floats  # (n, >= 4) m: x1, y1, x2, y2, counter-clockwise around a hull
     lines: Floats  # (m, 4) m, the same way round
     sigma_m: float
+
+
+class Nearest(NamedTuple):
+    """A line: how far off it a point is, to its right, and its normal to there."""
+
+    off_m: float
+    x: float
+    y: float
 
 
 class Correction(NamedTuple):
@@ -73,48 +82,65 @@ def correction_of(
 ) -> Correction:
     """The most likely motion of a frame onto the map; none where the map does not know."""
     prior = np.diag([1.0 / s.pose_sigma_m**2] * 2 + [1.0 / math.radians(s.pose_sigma_deg) ** 2])
-    c = np.zeros(3)
+    c, lens = np.zeros(3), (float(origin[0]), float(origin[1]))
+    known = [  # all alike, for the kernel
+        Sides(np.ascontiguousarray(pieces), np.ascontiguousarray(lines), float(sigma_m))
+        for pieces, lines, sigma_m in sides
+    ]
     for _ in range(ROUNDS):
         A: Floats = prior.copy()
         b: Floats = -prior @ c
-        for side in sides:
-            if len(side.pieces) == 0 or len(side.lines) == 0:
-                continue
-            by = Correction(c[0], c[1], c[2], origin)
-            points, r, normals = _residuals(by.pieces(side.pieces), side.lines, s.guard_m)
-            J = np.column_stack([normals, _turning(normals, points - np.array(origin))])
-            each = min(1.0, OF_A_HULL / len(side.pieces)) / side.sigma_m**2
-            w = each / (1.0 + (r / (CAUCHY * side.sigma_m)) ** 2)
-            A += J.T @ (w[:, None] * J)
-            b -= J.T @ (w * r)
+        for side in known:
+            _add(side, c, lens, float(s.guard_m), A, b)
         c = c + np.linalg.solve(A, b)
     if float(c @ prior @ c) > GATE2:
         c = np.zeros(3)
     return Correction(float(c[0]), float(c[1]), float(c[2]), origin)
 
 
-def _turning(normals: Floats, off: Floats) -> Floats:
-    """How much further (k,) along its normal a point (k, 2) from the lens goes by a turn of 1."""
-    return np.asarray(normals[:, 1] * off[:, 0] - normals[:, 0] * off[:, 1])
-
-
-def _residuals(pieces: Floats, lines: Floats, gate_m: float) -> tuple[Floats, Floats, Floats]:
-    """Middles (k, 2) of pieces that lie along a line, how far off it they are, its normals (k, 2).
+@kernel
+def _nearest(x: float, y: float, ux: float, uy: float, lines: Floats, gate_m: float) -> Nearest:
+    """How far a piece's middle is off the nearest line that it may lie on, and its normal.
 
     Along it: within the line's ends, nearly parallel, and not further off than the gate.
     """
-    points = 0.5 * (pieces[:, :2] + pieces[:, 2:4])
-    steps = pieces[:, 2:4] - pieces[:, :2]
-    steps = steps / np.maximum(np.hypot(*steps.T), 1e-9)[:, None]
-    along = lines[:, 2:] - lines[:, :2]
-    lengths = np.maximum(np.hypot(*along.T), 1e-9)
-    along = along / lengths[:, None]
-    normals = np.column_stack([along[:, 1], -along[:, 0]])  # outwards
-    off = points[:, None] - lines[None, :, :2]
-    foot, r = (off * along).sum(axis=2), (off * normals).sum(axis=2)
-    fits = (foot >= 0.0) & (foot <= lengths) & (np.abs(r) < gate_m)
-    fits &= steps @ along.T > LEAST_COSINE
-    apart = np.where(fits, np.abs(r), np.inf)
-    line = apart.argmin(axis=1)
-    known = np.flatnonzero(np.isfinite(apart.min(axis=1)))
-    return points[known], r[known, line[known]], normals[line[known]]
+    best = Nearest(gate_m, 0.0, 0.0)  # (0, 0): there is none
+    for m in range(lines.shape[0]):
+        dx, dy = lines[m, 2] - lines[m, 0], lines[m, 3] - lines[m, 1]
+        length = max(math.sqrt(dx * dx + dy * dy), 1e-9)
+        dx, dy = dx / length, dy / length
+        qx, qy = x - lines[m, 0], y - lines[m, 1]
+        foot, off = qx * dx + qy * dy, qx * dy - qy * dx
+        is_along = 0.0 <= foot <= length and ux * dx + uy * dy > LEAST_COSINE
+        if is_along and abs(off) < abs(best.off_m):
+            best = Nearest(off, dy, -dx)  # outwards
+    return best
+
+
+@releasing_kernel
+def _add(
+    sides: Sides, by: Floats, origin: tuple[float, float], gate_m: float, A: Floats, b: Floats
+) -> None:
+    """One round's sums over some sides, into A (3, 3) and b (3,).
+
+    Args:
+        by: (3,) how far the frame has been moved: x and y in m, turn in rad.
+    """
+    pieces, cos, sin = sides.pieces, math.cos(by[2]), math.sin(by[2])
+    each = min(1.0, OF_A_HULL / max(1, pieces.shape[0])) / (sides.sigma_m * sides.sigma_m)
+    for k in range(pieces.shape[0]):
+        mx, my = 0.5 * (pieces[k, 0] + pieces[k, 2]), 0.5 * (pieces[k, 1] + pieces[k, 3])
+        ux, uy = pieces[k, 2] - pieces[k, 0], pieces[k, 3] - pieces[k, 1]
+        length = max(math.sqrt(ux * ux + uy * uy), 1e-9)
+        ux, uy = (cos * ux - sin * uy) / length, (sin * ux + cos * uy) / length
+        mx, my = mx - origin[0], my - origin[1]
+        x, y = cos * mx - sin * my + by[0], sin * mx + cos * my + by[1]  # from the lens
+        off, nx, ny = _nearest(x + origin[0], y + origin[1], ux, uy, sides.lines, gate_m)
+        if nx == 0.0 and ny == 0.0:
+            continue
+        w = each / (1.0 + (off / (CAUCHY * sides.sigma_m)) ** 2)
+        row = nx, ny, ny * x - nx * y  # the last: how much further it goes by a turn of 1
+        for i in range(3):
+            b[i] -= w * off * row[i]
+            for j in range(3):
+                A[i, j] += w * row[i] * row[j]

@@ -109,8 +109,10 @@ def straightened(ring: Floats) -> Floats:
     simple = np.asarray(shapely.Polygon(ring).simplify(0.5).exterior.coords)[:-1]
     if len(simple) < 3:
         return ring
-    at = np.array([int(np.argmin(np.hypot(*(ring - corner).T))) for corner in simple])
-    sides = [_Side.of(ring, a, b) for a, b in zip(at, np.roll(at, -1), strict=True)]
+    at = np.hypot(*(ring[:, None] - simple).transpose(2, 0, 1)).argmin(axis=0)
+    sides = [
+        _Side.of(ring, a, b) for a, b in zip(at.tolist(), np.roll(at, -1).tolist(), strict=True)
+    ]
     long = [
         side
         for k, side in enumerate(sides)

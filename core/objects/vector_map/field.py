@@ -22,6 +22,7 @@ from jit import kernel, releasing_kernel
 
 Cells = NDArray[np.float32]
 Winding = NDArray[np.int8]
+Flags = NDArray[np.bool_]
 FAR = 1e9
 NONE = np.zeros((0, 5))
 
@@ -137,6 +138,38 @@ def _take(
                 mean[j + up, i + right] = other_mean[j, i]
 
 
+@kernel
+def _is_free_before(
+    ax: float, ay: float, bx: float, by: float, mean: Cells, weight: Cells, confirm: float
+) -> bool:
+    """Whether all cells before a side are known to be free, but for those at its ends.
+
+    Its corners are in cells. A sharp one may lie beyond all cells.
+    """
+    length = math.hypot(bx - ax, by - ay)
+    if length <= 2.0:
+        return True  # as good as a corner
+    ux, uy = (bx - ax) / length, (by - ay) / length
+    for k in range(1, math.ceil(length - 0.5)):
+        i, j = round(ax + k * ux + uy), round(ay + k * uy - ux)
+        if not (0 <= i < mean.shape[1] and 0 <= j < mean.shape[0]):
+            return False
+        if weight[j, i] < confirm or mean[j, i] <= 0.0:
+            return False
+    return True
+
+
+@releasing_kernel
+def _find_finished(
+    corners: Floats, mean: Cells, weight: Cells, confirm: float, finished: Flags
+) -> None:
+    """Which sides of an outline (n, 2), in cells, have free space before them: (n,)."""
+    n = corners.shape[0]
+    for k in range(n):
+        (ax, ay), (bx, by) = corners[k], corners[(k + 1) % n]
+        finished[k] = _is_free_before(ax, ay, bx, by, mean, weight, confirm)
+
+
 class DistanceField:
     """Cells around one object; `place` is where cell (0, 0) lies in the map, m."""
 
@@ -210,6 +243,13 @@ class DistanceField:
         self.reach(other.place, other.place + cell * np.array(other.mean.shape[::-1]))
         right, up = np.rint((other.place - self.place) / cell).astype(np.int64)
         _take(self.mean, self.weight, other.mean, other.weight, int(right), int(up))
+
+    def finished(self, outline: Floats) -> Flags:
+        """Which sides of an outline (n, 2) m were seen along their whole length: (n,)."""
+        found = np.zeros(len(outline), dtype=bool)
+        corners = np.ascontiguousarray((outline - self.place) / self._s.cell_m)
+        _find_finished(corners, self.mean, self.weight, float(self._s.confirm_frames), found)
+        return found
 
     def values(self) -> Floats:
         """What is drawn around (ny, nx): below 0 inside.

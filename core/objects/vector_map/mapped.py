@@ -107,7 +107,7 @@ class Mapped:
         self.drawn_ago = 0
         outlines = polygons_of(field.values(), field.place, s.cell_m, s.least_size_m)
         self.polygon = outlines[0] if outlines else np.zeros((0, 2))
-        self.finished = np.array([self._is_seen(k) for k in range(len(self.polygon))], dtype=bool)
+        self.finished = field.finished(self.polygon)
         if len(self.polygon):
             if lost_share(self.stood[1], self.polygon, s.contradiction_m) > LOST_SHARE:
                 self.kind = "moved"
@@ -147,23 +147,6 @@ class Mapped:
         self.stood = self.stood[0] + twice, self.stood[1] + twice
         if self.field is not None:
             self.field.place = self.field.place + by
-
-    def _is_seen(self, k: int) -> bool:
-        """Whether the space before side k is known along all of it, but for its ends."""
-        cell, field = self._s.cell_m, self.awake()
-        a, b = self.polygon[k], self.polygon[(k + 1) % len(self.polygon)]
-        length = math.dist(a, b)
-        if length <= 2.0 * cell:
-            return True  # as good as a corner
-        along = (b - a) / length
-        t = np.arange(cell, length - 0.5 * cell, cell)[:, None]
-        points = a + t * along + cell * np.array([along[1], -along[0]])
-        i, j = np.rint((points - field.place) / cell).astype(np.int64).T
-        rows, columns = field.mean.shape
-        if not ((i >= 0) & (i < columns) & (j >= 0) & (j < rows)).all():
-            return False  # a sharp corner may lie beyond all cells
-        known = field.weight[j, i] >= self._s.confirm_frames
-        return bool(known.all() and (field.mean[j, i] > 0.0).all())
 
 
 def pieces_count(polygon: Floats, longest_m: float) -> np.ndarray:

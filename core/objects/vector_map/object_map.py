@@ -23,7 +23,13 @@ from core.objects.vector_map.index import Box, BoxIndex
 from core.objects.vector_map.journal import Changes, Journal, shape_of
 from core.objects.vector_map.mapped import MapObject, Mapped, box_of
 from core.objects.vector_map.newcomers import Newcomer, Newcomers, Obstacle, Sight, size_of
-from core.objects.vector_map.prepared import PreparedFrame, check_frame, prepared, seen_of
+from core.objects.vector_map.prepared import (
+    PreparedFrame,
+    check_frame,
+    prepared,
+    seen_of,
+    thickened,
+)
 from core.objects.vector_map.seen import pieces_of
 from core.objects.vector_map.settings import ObjectMapSettings
 from core.objects.vector_map.wall_map import WallMap
@@ -105,6 +111,7 @@ class ObjectMap:
         """
         check_frame(frame, self._last_s)
         self._last_s = frame.at_s
+        frame = thickened(frame, self.settings)
         raw = prepared(frame, self.settings)
         near = self._near(raw)
         correction = correction_of(self._sides(raw, near), frame.origin, self.settings)

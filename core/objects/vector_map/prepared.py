@@ -21,16 +21,20 @@ class PreparedFrame(NamedTuple):
     polygons: list[shapely.Polygon]
 
 
-def prepared(frame: FrameObjects, s: ObjectMapSettings) -> PreparedFrame:
-    """Make of a frame what the fields want; detections that have no hull are left out."""
-    sectors = sectors_of(frame.view, frame.origin)
+def thickened(frame: FrameObjects, s: ObjectMapSettings) -> FrameObjects:
+    """A frame whose hulls all have some depth; detections that have no hull are left out."""
     found = tuple(one for d in frame.detections if (one := _thick(d, frame.origin, s)))
-    pieces = [pieces_of(one.polygon, 2.0 * s.cell_m) for one in found]
+    return frame._replace(detections=found)
+
+
+def prepared(frame: FrameObjects, s: ObjectMapSettings) -> PreparedFrame:
+    """Make of a frame, by `thickened`, what the fields want."""
+    sectors = sectors_of(frame.view, frame.origin)
+    pieces = [pieces_of(one.polygon, 2.0 * s.cell_m) for one in frame.detections]
     for part in pieces:
         mark_seen(part, sectors, *frame.origin, s.view_gap_m + s.cell_m)
-    polygons = [shapely.Polygon(one.polygon) for one in found]
-    lens = np.array(frame.origin)
-    return PreparedFrame(frame._replace(detections=found), sectors, lens, pieces, polygons)
+    polygons = [shapely.Polygon(one.polygon) for one in frame.detections]
+    return PreparedFrame(frame, sectors, np.array(frame.origin), pieces, polygons)
 
 
 def seen_of(pieces: Floats) -> Floats:

@@ -1,11 +1,11 @@
-"""Voxels, clusters, summits and hulls, each against a slow and obvious model."""
+"""Flying pixels, voxels, clusters, summits and hulls, each against a slow and obvious model."""
 
 import numpy as np
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from core.objects.frame import hulls, outlines, summits, voxels
+from core.objects.frame import hulls, outlines, pixels, summits, voxels
 from core.objects.frame.room import Room
 from core.records import F64
 from tests.core.objects.scenes import camera
@@ -56,6 +56,48 @@ def polygons(points: F64) -> list[F64]:
     return hulls.polygons_of(ROOM.rings, found, EDGE_M, 0.02)
 
 
+def is_flying(ranges: F64, i: int, j: int, limits: pixels.Limits) -> bool:
+    """By sections 2 and 6 of the sheet, pixel by pixel."""
+    r, around = ranges[i, j], []
+    for a in range(max(0, i - 1), min(len(ranges), i + 2)):
+        around += [ranges[a, b] for b in range(max(0, j - 1), min(ranges.shape[1], j + 2))]
+    around.remove(r)
+    noise_m = pixels.APART * float(limits.noise_m + limits.noise_per_m2 * r * r)
+    is_alone = min(abs(np.array(around) - r)) > max(limits.cluster_m, noise_m, limits.slant_rad * r)
+    pairs = []
+    if 0 < j < ranges.shape[1] - 1:
+        pairs.append((*ranges[i, [j - 1, j + 1]], limits.steep_across))
+    if 0 < i < len(ranges) - 1:
+        pairs.append((*ranges[[i - 1, i + 1], j], limits.steep_down))
+    return is_alone or any(
+        min(a, b) > 0.0
+        and (a < r < b or a > r > b)
+        and min(abs(a - r), abs(b - r)) > steep * min(a, b)
+        for a, b, steep in pairs
+    )
+
+
+@given(st.integers(0, 9999), st.integers(2, 5), st.integers(2, 9))
+def test_flying_is_what_lies_between_its_neighbours_or_alone(
+    seed: int, rows: int, columns: int
+) -> None:
+    random = np.random.default_rng(seed)
+    steps_m = random.choice([0.0, 0.01, 0.07, 0.4], (rows, columns)) * random.normal(size=columns)
+    ranges = np.maximum(0.0, 2.0 + steps_m) * (random.random((rows, columns)) < 0.9)
+    at_all = pixels.Limits(*np.zeros(13, np.float32))
+    near = {"noise_m": 0.001, "noise_per_m2": 0.0015, "cluster_m": 0.05, "slant_rad": 0.017}
+    steep = {"steep_across": 0.032, "steep_down": 0.031}
+    limits = at_all._replace(**{name: np.float32(one) for name, one in (near | steep).items()})
+    padded = np.full((rows + 2 * pixels.RIM, columns + 2 * pixels.RIM), pixels.BEYOND_M, np.float32)
+    middle = padded[pixels.RIM : -pixels.RIM, pixels.RIM : -pixels.RIM]
+    middle[...] = ranges
+    loose = np.zeros((rows, columns), np.uint8)
+    for i in range(rows):
+        pixels._find_loose(padded, i, limits, loose[i])
+        wanted = [is_flying(middle.astype(np.float64), i, j, limits) for j in range(columns)]
+        assert (loose[i] != 0).tolist() == wanted
+
+
 @given(POINTS)
 def test_a_voxel_is_the_mean_of_its_points(given_points: list[tuple[float, float, float]]) -> None:
     points = np.array(given_points, np.float32).astype(np.float64)
@@ -67,7 +109,6 @@ def test_a_voxel_is_the_mean_of_its_points(given_points: list[tuple[float, float
     means = np.column_stack([ROOM.voxels.x, ROOM.voxels.y, ROOM.voxels.z])[:count]
     np.testing.assert_allclose(means, [np.mean(one, axis=0) for one in of.values()], atol=1e-5)
     assert ROOM.voxels.pixels[:count].tolist() == [len(one) for one in of.values()]
-    assert (ROOM.voxels.table == voxels.NONE).all()
 
 
 @given(LUMPS)
@@ -92,6 +133,15 @@ def test_polygons_are_valid_and_hold_all_points(points: F64) -> None:
     assert all(shape.is_valid and shape.exterior.is_ccw for shape in shapes)
     whole = shapely.union_all([shapely.buffer(shape, 0.02 + EDGE_M) for shape in shapes])
     assert shapely.contains_xy(whole, points[:, 0], points[:, 1]).all()
+
+
+def test_what_is_thin_is_a_voxel_wide_along_all_of_its_length() -> None:
+    x = np.arange(0.0, 0.4, 0.004)
+    y = 0.25 * x + np.random.default_rng(1).uniform(-0.002, 0.002, len(x))
+    [told] = polygons(np.column_stack([x, y, np.full(len(x), 0.1)]))
+    shape = shapely.Polygon(told)
+    assert shape.contains(shapely.MultiPoint(np.column_stack([x, y])))
+    assert shape.area >= EDGE_M * np.hypot(0.4, 0.1)
 
 
 def test_two_faces_of_a_box_stay_an_angle() -> None:

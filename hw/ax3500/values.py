@@ -43,7 +43,7 @@ class ControllerState(Struct, frozen=True):
     def cuts_off(self) -> bool:
         """Whether it says that the power stage is off, which is all that is wrong."""
         status = self.status or 0
-        return bool(self.emergency_stop) or (bool(status) and not status & ~POWER_OFF)
+        return (status > 0 or self.emergency_stop is True) and not status & ~POWER_OFF
 
     def measured(self) -> dict[str, float]:
         numbers = {"battery_v": self.battery_v, "internal_v": self.internal_v}

@@ -171,12 +171,14 @@ def test_status_bits_have_names() -> None:
     ("status", "cut_off"),
     [(0x00, False), (0x01, True), (0x82, True), (0x40, False), (0x41, False), (0x10, False)],
 )
+@pytest.mark.parametrize("pressed", [False, True])
 def test_counts_tell_that_the_wheels_have_no_power_but_not_where_counters_may_be_wrong(
-    status: int, cut_off: bool
+    status: int, cut_off: bool, pressed: bool
 ) -> None:
     bench = FakeBench()
     bench.run(2.0)
-    bench.fake.status = status
+    bench.fake.status, bench.fake.emergency_stop = status, pressed
+    cut_off |= pressed and status in (0x00, 0x01, 0x82)
     assert [counts.cut_off for counts in bench.run(3.0)][-1] is cut_off
 
 

@@ -46,7 +46,7 @@ class Row(Struct, frozen=True):
     is_lively: bool
     covered: float  # of the floor that the tool gets to
     overlap: float  # swept twice, of what is swept
-    collisions: int
+    collisions: list[str]
     least_gap_m: float
     is_home: bool
     time_s: float
@@ -94,7 +94,7 @@ def line_of(row: Row, name: str) -> str:
     """A row of the table."""
     return (
         f"| {name} | {row.reachable_m2:.0f} | {'yes' if row.is_lively else 'no'} |"
-        f" {100 * row.covered:.1f} | {100 * row.overlap:.1f} | {row.collisions} |"
+        f" {100 * row.covered:.1f} | {100 * row.overlap:.1f} | {len(row.collisions)} |"
         f" {row.least_gap_m:.3f} | {'yes' if row.is_home else row.why or 'no'} |"
         f" {row.time_s / 60:.1f} |"
         f" {row.swept_m:.0f} | {row.travel_m:.0f} | {row.things} | {row.missed} | {row.objects} |"
@@ -154,6 +154,9 @@ def main(arguments: list[str] | None = None) -> int:
                     file.write(json.dumps(msgspec.to_builtins(row)) + "\n")
         rows.append(row)
         print(line_of(row, str(seed)), flush=True)
+    for row in rows:
+        for words in row.collisions:
+            print(f"hall {row.seed}, collision with {words}")
     print(summary(rows))
     return int(any(row.collisions or not row.is_home for row in rows))
 

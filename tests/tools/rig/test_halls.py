@@ -30,9 +30,10 @@ def test_the_floor_that_the_tool_reaches_keeps_off_all_that_stands_there() -> No
 
 def test_a_gap_is_measured_to_boxes_pillars_and_people() -> None:
     boxes = np.array([[1.0, 2.0, -1.0, 1.0, 0.0], [-3.5, -2.5, -0.5, 0.5, 0.5]])
-    assert gap_of((0.0, 0.0, 1.0), boxes, PEOPLE) == pytest.approx(1.0)
-    assert gap_of((-2.0, 0.0, 1.0), boxes, PEOPLE) == pytest.approx(0.5)
-    assert gap_of((0.0, 0.0, 1.0), boxes, np.array([[0.0, 0.6, 0.22]])) == pytest.approx(0.38)
+    assert gap_of((0.0, 0.0, 1.0), boxes, PEOPLE)[0] == pytest.approx(1.0)
+    assert gap_of((-2.0, 0.0, 1.0), boxes, PEOPLE)[0] == pytest.approx(0.5)
+    gap_m, what = gap_of((0.0, 0.0, 1.0), boxes, np.array([[9.0, 0.0, 0.2], [0.0, 0.6, 0.22]]))
+    assert (gap_m, what) == (pytest.approx(0.38), "person 2")
 
 
 def test_a_box_that_was_carried_away_stands_where_it_was_put() -> None:
@@ -76,7 +77,7 @@ def test_a_hall_that_was_run_before_is_read_and_not_run_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     row = halls.Row(
-        7, SMALL, 25.0, True, 0.98, 0.05, 0, 0.04, True, 300.0, 50.0, 12.0, 2, 0, 2, 0, 0, 0, 9, 0,
+        7, SMALL, 25.0, True, 0.98, 0.05, [], 0.04, True, 300.0, 50.0, 12.0, 2, 0, 2, 0, 0, 0, 9, 0,
         40.0, "",
     )  # fmt: skip
     path = tmp_path / "rows.jsonl"
@@ -87,6 +88,10 @@ def test_a_hall_that_was_run_before_is_read_and_not_run_again(
     assert halls.line_of(row, "7") in told.out
     away = msgspec.structs.replace(row, is_home=False, why="there is no way to the dock")
     assert "| there is no way to the dock |" in halls.line_of(away, "7")
+    hit = msgspec.structs.replace(row, collisions=["person 1, after 3.0 s"])
+    path.write_text(json.dumps(msgspec.to_builtins(hit)) + "\n")
+    assert halls.main(words) == 1
+    assert "hall 7, collision with person 1, after 3.0 s\n" in capsys.readouterr().out
     assert "lively: 98.0 % covered at least" in told.out
     assert "a line is left out" in told.err
     with pytest.raises(SystemExit):

@@ -72,7 +72,7 @@ class Tally:
     swept: list[F64] = field(default_factory=list)  # true places (n, 2) with the tool down
     swept_m: float = 0.0
     travel_m: float = 0.0
-    collisions: int = 0
+    collisions: list[str] = field(default_factory=list)  # in words
     least_gap_m: float = math.inf
     frames: int = 0
     doubts: int = 0
@@ -325,10 +325,13 @@ class HallRun:
             self.tally.travel_m += step_m
         bars = self.truth.boxes_at(self.now_s)
         people = np.zeros((0, 3)) if self.world.crowd is None else self.world.crowd.people()
-        gap_m = gap_of(now, bars, people) - MACHINE.radius_m
+        away_m, what = gap_of(now, bars, people)
+        gap_m = away_m - MACHINE.radius_m
         self.tally.least_gap_m = min(self.tally.least_gap_m, gap_m)
         is_hit = gap_m < 0.0 and step_m > 1e-4
-        self.tally.collisions += is_hit and not self._is_hit
+        if is_hit and not self._is_hit:
+            at = f"after {self.now_s:.1f} s at x {now[0]:.2f}, y {now[1]:.2f} m"
+            self.tally.collisions.append(f"{what}, {at}, {step_m / PERIOD_S:.2f} m/s")
         self._is_hit = is_hit
 
     def _count_people(self) -> None:

@@ -95,19 +95,24 @@ def band_of(steps: Sequence[F64], width_m: float) -> BaseGeometry:
     return swept_by([shapely.get_coordinates(one) for one in straight], width_m / 2)
 
 
-def gap_of(place: Sequence[float], boxes: F64, people: F64) -> float:
-    """From a point to the nearest of boxes (n, 5) and people (m, 3): x, y, radius."""
+def gap_of(place: Sequence[float], boxes: F64, people: F64) -> tuple[float, str]:
+    """From a point to the nearest of boxes (n, 5) and people (m, 3: x, y, radius), and which.
+
+    A box is called by where it stands: walls, pillars and things have no other name here.
+    """
     x, y = place[0], place[1]
     x0, x1, y0, y1, radius = boxes.T
     dx = np.maximum(np.maximum(x0 - x, x - x1), 0.0)
     dy = np.maximum(np.maximum(y0 - y, y - y1), 0.0)
     round_m = np.hypot((x0 + x1) / 2 - x, (y0 + y1) / 2 - y) - radius
-    gap_m = float(np.where(radius > 0.0, round_m, np.hypot(dx, dy)).min())
-    if len(people):
-        gap_m = min(
-            gap_m, float((np.hypot(people[:, 0] - x, people[:, 1] - y) - people[:, 2]).min())
-        )
-    return gap_m
+    gaps_m = np.where(radius > 0.0, round_m, np.hypot(dx, dy))
+    to_people_m = np.hypot(people[:, 0] - x, people[:, 1] - y) - people[:, 2]
+    nearest = int(np.argmin(np.concatenate([gaps_m, to_people_m])))
+    if nearest >= len(boxes):
+        person = nearest - len(boxes)
+        return float(to_people_m[person]), f"person {person + 1}"
+    (left, right, low, high), gap_m = boxes[nearest, :4].tolist(), float(gaps_m[nearest])
+    return gap_m, f"what stands at x {left:.2f} to {right:.2f} m, y {low:.2f} to {high:.2f} m"
 
 
 def map_worth(truth: Truth, found: Sequence[Polygon], people: F64) -> MapWorth:

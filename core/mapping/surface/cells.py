@@ -25,11 +25,13 @@ import numpy.typing as npt
 
 from core.grid.places import Ring, from_centre, index_of
 from core.grid.touched import Touched
+from core.mapping.along import MOST_PLACES
 from core.mapping.body import BodyPose
 from core.mapping.plane_fit import NO_POINTS, plane_of_sums, with_point
 from core.mapping.surface.constants import *
-from core.records import F64, U8
-from jit import Record, Records, fields, kernel
+from core.motion.kalman import Information
+from core.records import F64, I32, U8
+from jit import Record, Records, fields, kernel, records
 
 Cells = npt.NDArray[Any]  # flat, of CELL
 
@@ -71,6 +73,7 @@ PLANE = np.dtype(
         *fields(np.int64, "tied is_before"),
     ]
 )
+STATES = 5  # of a sweep's error: height, pitch, roll; pitch and roll always
 # scans, and echoes of all, held against the ground; height on which the robot stands
 NOW = np.dtype([("scan", np.int64), ("held", np.int64), ("wheels_m", np.float64)])
 
@@ -97,6 +100,31 @@ class Limits(NamedTuple):
     block: int  # cells along the edge of a block, whose ground is worked out at once
 
 
+class Room(NamedTuple):
+    """What a scan is worked out in; nothing in it outlives the scan."""
+
+    planes: Records  # (PLANES * PLANES,)
+    told: Information  # of the sweep's error, by the witnesses
+    P: F64  # (5, 5) its covariance with that
+    gone: F64  # (5,) how far it has moved since the returns were held against the ground
+    h: F64  # (5,) how a place seen again differs by each state
+    bins: F64  # (BINS,) in which returns over a guess are counted
+    places: I32  # (MOST_PLACES,) those of a beam
+
+    @classmethod
+    def none(cls) -> "Room":
+        """With nothing in it."""
+        return cls(
+            planes=records(PLANE, PLANES * PLANES),
+            told=Information.of(STATES),
+            P=np.zeros((STATES, STATES)),
+            gone=np.zeros(STATES),
+            h=np.zeros(STATES),
+            bins=np.zeros(BINS),
+            places=np.zeros(MOST_PLACES, np.int32),
+        )
+
+
 class Surface(NamedTuple):
     """The map and all else that a scan works with, as kernels are given it."""
 
@@ -107,12 +135,12 @@ class Surface(NamedTuple):
     ring: Ring
     limits: Limits
     stand: BodyPose  # where and how the robot stands
-    own: F64  # (5,) error of the newest sweep: height, pitch, roll; pitch and roll always
+    own: F64  # (5,) error of the newest sweep, its STATES
     P: F64  # (5, 5) its covariance
     touched: Touched
-    planes: Records  # (PLANES * PLANES,)
     now: Records  # (1,) of NOW
     uppers: Records  # (cells,) of `upper.UPPER`, or none: see there
+    room: Room
 
 
 class Plane(NamedTuple):
@@ -165,7 +193,7 @@ def plane_at(i: int, j: int, surface: Surface) -> Plane:
     """
     block, held, cell_m = surface.limits.block, surface.now[0].held, surface.ring.cell_m
     block_i, block_j = (i // block, j // block) if block > 1 else (i, j)
-    one = surface.planes[block_j % PLANES * PLANES + block_i % PLANES]
+    one = surface.room.planes[block_j % PLANES * PLANES + block_i % PLANES]
     if one.held != held or one.block_i != block_i or one.block_j != block_j:
         one.held, one.block_i, one.block_j = held, block_i, block_j
         _fit(one, i, j, surface)

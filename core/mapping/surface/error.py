@@ -19,30 +19,15 @@ Source: docs/method.md, section 3; Kalman filter in information form, Tukey's we
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from core.grid.places import cell_at
-from core.mapping.along import MOST_PLACES
-from core.mapping.surface.cells import Surface, height_over
+from core.mapping.surface.cells import STATES, Surface, height_over
 from core.mapping.surface.constants import *
-from core.motion.kalman import Information, begin, clear, correct, fade, follow, join, note, spread
-from core.records import F64, I32
+from core.motion.kalman import begin, clear, correct, fade, follow, join, note, spread
+from core.records import F64
 from jit import Record, Records, kernel
-
-STATES = 5
-
-
-class Room(NamedTuple):
-    """What an estimate is worked out in."""
-
-    told: Information  # by the witnesses
-    P: F64  # (5, 5) the covariance with it
-    gone: F64  # (5,) how far it has moved since the returns were held against the ground
-    h: F64  # (5,)
-    bins: F64  # (BINS,) in which returns over a guess are counted
-    places: I32  # (MOST_PLACES,) those of a beam
 
 
 @kernel
@@ -83,12 +68,12 @@ def _row(ahead: float, aside: float, travel_m: float, cell: Record, h: F64) -> N
 
 
 @kernel
-def roll_on(passed_s: float, surface: Surface, room: Room) -> None:
+def roll_on(passed_s: float, surface: Surface) -> None:
     """The wheels on a cell: its ground is under them. Where it was laid, what p was is lost.
 
     passed_s: since the last scan; 0 while the robot stands.
     """
-    stand, own, h = surface.stand, surface.own, room.h
+    stand, own, h = surface.stand, surface.own, surface.room.h
     at = cell_at(stand.x_m, stand.y_m, surface.ring)
     cell = surface.cells[max(0, at)]
     if at >= 0 and cell.looks > 0 and passed_s > 0.0:
@@ -98,15 +83,17 @@ def roll_on(passed_s: float, surface: Surface, room: Room) -> None:
         var = cell.var_m2 + FLAT_M * FLAT_M + (SIGMA_FAST_RAD * surface.limits.far_m) ** 2
         if off * off <= GATE * GATE * (var + spread(h, surface.P)):
             # cells one behind the other were laid with one error
-            correct(surface.P, own, h, off, 2.0 * FAST_S * var / passed_s, room.told.Ph)
+            alike = 2.0 * FAST_S * var / passed_s
+            correct(surface.P, own, h, off, alike, surface.room.told.Ph)
     surface.now[0].wheels_m = stand.z_m - own[0] - own[3] * stand.travel_m
 
 
 @kernel
-def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float:
-    """Sum what the witnesses say into `room.told`; how many of them are of one mind."""
-    h, gone, total, stand = room.h, room.gone, 0.0, surface.stand
-    clear(room.told)
+def _gather(returns: Records, cells: int, surface: Surface) -> float:
+    """Sum what the witnesses say into `told` of the room; how many of them are of one mind."""
+    told, h, gone = surface.room.told, surface.room.h, surface.room.gone
+    total, stand = 0.0, surface.stand
+    clear(told)
     for b in range(returns.size):
         one = returns[b]
         if one.witness < 0:
@@ -124,15 +111,15 @@ def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float
         share = 1.0 - off * off / (GATE * GATE * (var + wander + spread(h, surface.P)))
         if share > 0.0:
             alike = ALIKE_S * var / cells + 2.0 * min(age_s, FAST_S) * wander
-            note(room.told, h, one.off_m, share * share / alike)
+            note(told, h, one.off_m, share * share / alike)
             total += share * share
     return total
 
 
 @kernel
-def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -> None:
+def set_right(returns: Records, passed_s: float, surface: Surface) -> None:
     """Take the sweep's error out of its returns, and note it in `surface.own` and `surface.P`."""
-    gone, now, travel_m = room.gone, room.P, surface.stand.travel_m
+    gone, now, travel_m = surface.room.gone, surface.room.P, surface.stand.travel_m
     cells, last = 0, -1
     for b in range(returns.size):
         witness = returns[b].witness
@@ -140,13 +127,13 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
         last = witness
     gone[:] = 0.0
     for _ in range(ROUNDS):
-        total = _gather(returns, cells, surface, room)
+        total = _gather(returns, cells, surface)
         for k in range(now.size):
             now.flat[k] = surface.P.flat[k]
         gone[:] = 0.0
         if total < WITNESSES:
             break
-        join(now, gone, room.told, passed_s / total)
+        join(now, gone, surface.room.told, passed_s / total)
     for k in range(STATES):
         surface.own[k] += gone[k]
     for k in range(now.size):
@@ -173,9 +160,6 @@ class SweepFilter:
     def __init__(self) -> None:
         self.own: F64 = np.zeros(STATES)
         self.P: F64 = np.zeros((STATES, STATES))
-        (gone, h), places = np.zeros((2, STATES)), np.zeros(MOST_PLACES, np.int32)
-        told, square = Information.of(STATES), np.zeros((STATES, STATES))
-        self.room = Room(told, square, gone, h, np.zeros(BINS), places)
         self._doubted = 0
         self.restart()
 

@@ -23,10 +23,10 @@ from core.mapping.freshness import Freshness
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, sweep
-from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface
+from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Room, Surface
 from core.mapping.surface.constants import *
 from core.mapping.surface.decision import decide_cells, list_causes
-from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
+from core.mapping.surface.error import SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_witnesses, hold
@@ -47,7 +47,7 @@ EVIDENCE = {  # fields of a cell, by what they tell
 @kernel
 def take_sweep(
     first: Beams, behind: Beams, passed_s: float, rolled_s: float, guess: int, surface: Surface,
-    room: Room, shown: Shown, used: int,
+    shown: Shown, used: int,
 ) -> tuple[int, int]:  # fmt: skip
     """A sweep's first echoes, and what ends behind those; the first ones alone set it right.
 
@@ -62,21 +62,21 @@ def take_sweep(
     touched = surface.touched
     touched.used[0] = 0
     surface.now[0].scan += 1
-    roll_on(rolled_s, surface, room)
+    roll_on(rolled_s, surface)
     count = hold(first, surface)
     find_faces(first.returns, surface.limits.is_plane)
-    agree(first.returns, guess, surface.limits, room.bins)
+    agree(first.returns, guess, surface)
     find_witnesses(first, surface)
-    set_right(first.returns, passed_s, surface, room)
+    set_right(first.returns, passed_s, surface)
     end_beams(first, surface)
     see_uppers(first.returns, surface)
     if behind.returns.size > 0:
         count += hold(behind, surface)
         find_faces(behind.returns, surface.limits.is_plane)
-        set_right(behind.returns, passed_s, surface, room)
+        set_right(behind.returns, passed_s, surface)
         end_beams(behind, surface)
         see_uppers(behind.returns, surface)
-    follow_beams(first, surface, room.places)
+    follow_beams(first, surface)
     spread_ties(surface)
     return count, decide_cells(touched.at[: touched.used[0]], surface, shown, used)
 
@@ -155,9 +155,9 @@ class SurfaceMaps:
             own=self._error.own,
             P=self._error.P,
             touched=Touched.none(self.cells.size),
-            planes=records(cells.PLANE, cells.PLANES * cells.PLANES),
             now=records(cells.NOW),
             uppers=records(UPPER, 0) if uppers is None else with_fields(uppers),
+            room=Room.none(),
         )
         self._returns = [records(RETURN, beams) for _ in range(2)]
         for echo in self._returns:
@@ -189,7 +189,7 @@ class SurfaceMaps:
         self.fresh.follow(rays.t_s, body.x_m, body.y_m, body.heading)
         surface, window = self._stand(body._replace(slopes=self._sway.slopes)), self.window
         entered = window.follow_in(self.grid, body.x_m, body.y_m)
-        shown, room = window.shown, self._error.room
+        shown = window.shown
         if entered.size:
             window.used = decide_cells(entered, surface, shown, window.used)
         n, ranges_m = len(rays.rays), rays.ranges_m
@@ -199,7 +199,7 @@ class SurfaceMaps:
         )
         guess, rolled_s = LOOSE if self._anchored else TIED, passed_s if driven_m else 0.0
         count, window.used = self._take(
-            first, behind, passed_s, rolled_s, guess, surface, room, shown, window.used
+            first, behind, passed_s, rolled_s, guess, surface, shown, window.used
         )
         if not self._anchored:
             seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]

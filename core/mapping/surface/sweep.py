@@ -212,11 +212,12 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
 
 
 @kernel
-def agree(returns: Records, tied: int, limits: cells.Limits, bins: F64) -> None:
+def agree(returns: Records, tied: int, surface: Surface) -> None:
     """Where ground is a guess for most returns, those are floor of which most lie at one height.
 
-    It is tied to what `tied` says. bins (BINS,): room to count in.
+    It is tied to what `tied` says.
     """
+    limits, bins = surface.limits, surface.room.bins
     unsure, sure, guessed, edge = 0, 0, 0, 0.5 * limits.h_pos_m / WIDE
     bins[:] = 0.0
     for b in range(returns.size):

@@ -13,11 +13,10 @@ from core.mapping.surface.cells import (
     CELL,
     NOW,
     PART_BITS,
-    PLANE,
-    PLANES,
     TIED,
     Limits,
     Plane,
+    Room,
     Surface,
     plane_at,
 )
@@ -86,9 +85,9 @@ class GroundCells:
             own=self.own,
             P=np.zeros((5, 5)),
             touched=self.touched,
-            planes=records(PLANE, PLANES * PLANES),
             now=records(NOW),
             uppers=records(UPPER, 0),
+            room=Room.none(),
         )
 
     def filter_heights(self) -> Records:

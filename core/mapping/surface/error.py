@@ -38,9 +38,15 @@ def parted_m2(ahead: float, aside: float, age_s: float) -> float:
 
 
 @kernel
+def arms_of(ahead: float, aside: float, cell: Record, surface: Surface) -> tuple[float, float]:
+    """The arms of a place now, less those with which its cell was seen: how s differs."""
+    return ahead + surface.stand.travel_m - cell.arm_m, aside - cell.aside_m
+
+
+@kernel
 def arms_m2(ahead: float, aside: float, cell: Record, surface: Surface) -> float:
     """Variance of what the attitude is always off by, in a height seen before with other arms."""
-    arm, side, P = ahead + surface.stand.travel_m - cell.arm_m, aside - cell.aside_m, surface.P
+    (arm, side), P = arms_of(ahead, aside, cell, surface), surface.P
     return float(P[3, 3] * arm * arm + 2.0 * P[3, 4] * arm * side + P[4, 4] * side * side)
 
 
@@ -61,13 +67,6 @@ def jump(P: F64) -> None:
 
 
 @kernel
-def _row(ahead: float, aside: float, travel_m: float, cell: Record, h: F64) -> None:
-    """How a place seen again differs by each state; travel_m: L, the way driven so far."""
-    h[0], h[1], h[2] = 1.0, ahead, aside
-    h[3], h[4] = ahead + travel_m - cell.arm_m, aside - cell.aside_m
-
-
-@kernel
 def roll_on(passed_s: float, surface: Surface) -> None:
     """The wheels on a cell: its ground is under them. Where it was laid, what p was is lost.
 
@@ -77,7 +76,8 @@ def roll_on(passed_s: float, surface: Surface) -> None:
     at = cell_at(stand.x_m, stand.y_m, surface.ring)
     cell = surface.cells[max(0, at)]
     if at >= 0 and cell.looks > 0 and passed_s > 0.0:
-        _row(0.0, 0.0, stand.travel_m, cell, h)
+        h[0], h[1], h[2] = 1.0, 0.0, 0.0
+        h[3], h[4] = arms_of(0.0, 0.0, cell, surface)
         z = stand.z_m - own[0] - own[3] * stand.travel_m
         off = height_over(cell, stand.x_m, stand.y_m, z, surface)
         var = cell.var_m2 + FLAT_M * FLAT_M + (SIGMA_FAST_RAD * surface.limits.far_m) ** 2
@@ -100,7 +100,8 @@ def _gather(returns: Records, cells: int, surface: Surface) -> float:
             continue
         cell = surface.cells[one.witness]
         a, s = one.witness_ahead_m, one.witness_aside_m
-        _row(a, s, stand.travel_m, cell, h)
+        h[0], h[1], h[2] = 1.0, a, s
+        h[3], h[4] = arms_of(a, s, cell, surface)
         age_s = stand.t_s - cell.floor_s
         if age_s < FAST_S:  # what differs so soon is the fast part
             h[3] = h[4] = 0.0
@@ -147,7 +148,8 @@ def set_right(returns: Records, passed_s: float, surface: Surface) -> None:
         one.z_m -= error + gone[3] * (a + travel_m) + gone[4] * s
         wander = parted_m2(a, s, one.age_s)
         if cell.looks > 0:
-            error += gone[3] * (a + travel_m - cell.arm_m) + gone[4] * (s - cell.aside_m)
+            arm, side = arms_of(a, s, cell, surface)
+            error += gone[3] * arm + gone[4] * side
             wander += arms_m2(a, s, cell, surface)
         one.wander_m2 = wander
         one.height_m -= error

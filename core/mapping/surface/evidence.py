@@ -260,7 +260,7 @@ def _rise(at: int, one: Record, surface: Surface) -> None:
 @kernel
 def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     """A return into the cell where it lies: as floor, above it or below."""
-    cell, own, limits, stand = surface.cells[at], surface.own, surface.limits, surface.stand
+    cell, limits, stand = surface.cells[at], surface.limits, surface.stand
     h, z = one.height_m, one.z_m - (one.slope_x * one.from_x + one.slope_y * one.from_y)
     sigma = math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
     is_guess = one.var_m2 > limits.guess_m2
@@ -268,14 +268,15 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     if is_guess and h < 0.0:
         return  # it tells nothing, over ground that is a guess
     if cell.var_m2 == math.inf:
-        a, b, seen_s, var = one.slope_x, one.slope_y, stand.t_s - one.age_s, one.var_m2
-        plane = cells.plane_of(z - h, a, b, var, seen_s, one.tied, True)
+        seen_s = stand.t_s - one.age_s
+        plane = cells.plane_of(z - h, one.slope_x, one.slope_y, one.var_m2, seen_s, one.tied, True)
         expect(cell, plane, one.x_m, one.y_m, surface)
     if is_guess:
         _rise(at, one, surface)
         return
     touch(at, surface.touched)
     part = part_bit(one.x_m, one.y_m, surface.ring.cell_m, limits.parts)
+    over = z - ground_of(cell, surface.own)  # h is over the ground that was due
     doubt = GATE * math.sqrt(one.near_var_m2 + one.wander_m2 + one.noise_m2)
     if cell.parts & part << cells.PART_BITS:
         doubt /= GATE  # seen lower before: only what is as high as it should be is floor
@@ -289,16 +290,16 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
         is_lower and one.is_face == 0 and _goes_on(at, one, ray, surface)
     ):
         one.kind = BELOW
-        cell.low_m = min(cell.low_m, one.z_m - ground_of(cell, own))
-        lower(at, part, z - ground_of(cell, own), surface)
-    elif h < most and one.is_face == 0 and z - ground_of(cell, own) <= cell.floor_m + rise:
+        cell.low_m = min(cell.low_m, one.z_m - ground_of(cell, surface.own))
+        lower(at, part, over, surface)
+    elif h < most and one.is_face == 0 and over <= cell.floor_m + rise:
         _end_on_floor(at, part, one, z, is_step and cell.looks == 0, surface)
     else:
         one.kind, foot = ABOVE, 0.0
         if cell.looks > 0 and cell.parts & part:  # a face: its first returns were floor, lifted it
             foot = max(-rise, cell.floor_m)
         vote(at, max(0.0, min(HIT, (h - foot - limits.h_pos_m) / sigma)), surface)
-        _stand(at, z - ground_of(cell, own), surface)
+        _stand(at, over, surface)
 
 
 @kernel

@@ -139,7 +139,7 @@ class Surface(NamedTuple):
     P: F64  # (5, 5) its covariance
     touched: Touched
     now: Records  # (1,) of NOW
-    uppers: Records  # (cells,) of `upper.UPPER`, or none: see there
+    uppers: Records  # (cells,) of `core.mapping.heights.upper`, or none: see there
     room: Room
 
 

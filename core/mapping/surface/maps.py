@@ -20,6 +20,8 @@ from core.mapping import along, layers
 from core.mapping.body import BodyPose, Sway, body_pose_at
 from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
+from core.mapping.heights.told import Heights
+from core.mapping.heights.upper import BLANK_UPPER, UPPER, Uppers, see_uppers
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, sweep
@@ -30,7 +32,6 @@ from core.mapping.surface.error import SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_witnesses, hold
-from core.mapping.surface.upper import BLANK_UPPER, UPPER, Uppers, heights_m, see_uppers
 from core.motion.attitude import AttitudeRing
 from core.motion.track import Track
 from core.records import F64, I32, I64, U8, UNKNOWN, PointSweep, Scan
@@ -133,9 +134,9 @@ class SurfaceMaps:
         self._geometry = BeamGeometry.of(scanner)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
         self.cells: cells.Cells = self.grid.layer(CELL, cells.BLANK)
-        self._maybe_uppers: Uppers | None = None
+        uppers: Uppers | None = None
         if config.map.filter_heights:
-            self._maybe_uppers = self.grid.layer(UPPER, BLANK_UPPER).reshape(-1)
+            uppers = self.grid.layer(UPPER, BLANK_UPPER).reshape(-1)
         self.window = ObstacleWindow(window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
@@ -143,7 +144,8 @@ class SurfaceMaps:
         self._limits = limits_of(config, are_pictures)
         self._stood: BodyPose | None = None  # where its map began, until it moves
         self._moved = False
-        uppers = self._maybe_uppers
+        h_pos_m = self._limits.h_pos_m
+        self._heights = Heights(self.grid, self.cells, uppers, self.static_rad, h_pos_m)
         self._surface = Surface(
             cells=with_fields(self.cells.reshape(-1)),
             tall=self.grid.layer(np.uint8, 0).reshape(-1),
@@ -240,7 +242,7 @@ class SurfaceMaps:
 
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
-        told_m, _ = heights_m(self.cells.reshape(-1), self._maybe_uppers, self.static_rad)
+        told_m, _ = self._heights.told_at(np.arange(self.cells.size))
         return told_m.reshape(self.cells.shape)
 
     def ages_s(self, i: I64, j: I64) -> F64:
@@ -250,8 +252,7 @@ class SurfaceMaps:
 
     def maybe_ring(self, name: str) -> layers.RingLayer | None:
         """A layer by its name; none where there is none."""
-        of = self.cells, self._maybe_uppers, self.static_rad, self.grid
-        return layers.maybe_surface_ring(name, *of)
+        return self._heights.maybe_ring(name)
 
     def maybe_ground_grid(self) -> RingGrid:
         """That of the cells."""
@@ -259,12 +260,11 @@ class SurfaceMaps:
 
     def ground_at(self, at: I64) -> Ground:
         """What feet may stand on, at flat indices (n,)."""
-        return layers.surface_ground(self.cells, self.static_rad, self.grid, at)
+        return self._heights.ground_at(at)
 
     def filled_at(self, at: I64) -> Ground:
         """The same, and there what lies around tells of cells that were not measured."""
-        h_pos_m = self._limits.h_pos_m
-        return layers.filled_ground(self.cells, self.static_rad, self.grid, h_pos_m, at)
+        return self._heights.filled_at(at)
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell, by what it counts."""

@@ -8,6 +8,7 @@ import numpy as np
 from core.grid.places import Ring, index_of
 from core.grid.touched import Touched
 from core.mapping.body import BodyPose
+from core.mapping.heights.upper import BLANK_UPPER, UPPER, see_uppers
 from core.mapping.surface.cells import (
     BLANK,
     CELL,
@@ -22,7 +23,6 @@ from core.mapping.surface.cells import (
 )
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.sweep import RETURN, Beams
-from core.mapping.surface.upper import BLANK_UPPER, UPPER, see_uppers
 from core.records import F64
 from jit import Records, records
 

@@ -7,7 +7,8 @@ from tests import ROOT
 from tests.support.paper import constants_of_code, constants_of_paper, derived_of_paper
 
 BESIDE = [ROOT / "core" / place for place in ("grid/places.py", "mapping/along.py")]
-FILES = sorted([*ROOT.glob("core/mapping/surface/*.py"), *BESIDE])
+ROOMS = "core/mapping/surface", "core/mapping/heights"
+FILES = sorted([*(file for room in ROOMS for file in ROOT.glob(f"{room}/*.py")), *BESIDE])
 EXEMPT = {  # numbers that tell kinds or bits apart, or count what is written out beside them
     "along.py": {"MOST_PLACES"},
     "cells.py": {

@@ -21,11 +21,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from core.mapping.surface import cells
 from core.mapping.surface.cells import Surface
 from core.mapping.surface.constants import *
 from core.mapping.surface.sweep import ABOVE, NONE
-from core.records import F64
 from jit import Records, kernel
 
 Uppers = npt.NDArray[Any]  # flat, of UPPER; none where no height is filtered
@@ -70,32 +68,3 @@ def see_uppers(returns: Records, surface: Surface) -> None:
             upper.arm_m, upper.aside_m = arm, one.aside_m
         else:
             upper.below_m = max(upper.below_m, -off)
-
-
-def _tilt_m(of: cells.Cells | Uppers, static_rad: F64) -> F64:
-    """By what a height errs where pitch and roll are always wrong by static_rad (2,)."""
-    return np.asarray(static_rad[0] * of["arm_m"] + static_rad[1] * of["aside_m"])
-
-
-def ground_m(of: cells.Cells, static_rad: F64) -> F64:
-    """Height of the ground of cells, map frame."""
-    return np.asarray(of["ground_m"] - _tilt_m(of, static_rad))
-
-
-def heights_m(of: cells.Cells, uppers: Uppers | None, static_rad: F64) -> tuple[F64, F64]:
-    """Height and its variance, of what stands in cells, else of the ground; NaN: none.
-
-    Without filters, or where nothing is in them, the highest return is what stands.
-    """
-    z_m, var_m2 = ground_m(of, static_rad), of["var_m2"].astype(float)
-    stands, seen = of["stands"] > 0.0, of["looks"] > 0
-    is_top = stands & np.isfinite(of["top_m"])
-    height_m = z_m + np.where(is_top, of["top_m"], np.where(seen, 0.0, np.nan))
-    if uppers is not None:
-        is_upper = np.isfinite(uppers["var_m2"]) & (stands | ~seen)
-        is_single = (uppers["below_m"] == 0.0) & ~seen
-        is_sure = (uppers["agreed"] > 0) | (of["stands"] >= LIKELY) | is_single
-        upper_m = np.where(is_sure, uppers["z_m"] - _tilt_m(uppers, static_rad), np.nan)
-        height_m = np.where(is_upper, upper_m, height_m)
-        var_m2 = np.where(is_upper, uppers["var_m2"], var_m2)
-    return height_m, np.where(np.isnan(height_m), np.nan, var_m2)

@@ -16,6 +16,7 @@ Source: docs/method.md, section 5.
 """
 
 import math
+from typing import Any
 
 from core.grid.places import Ring, index_of, world_cell
 from core.mapping.surface.cells import Cells, grown
@@ -36,9 +37,12 @@ def _height_of(cell: Record, static_rad: F64) -> float:
     return float(ground) if cell.looks > 0 else math.nan
 
 
-@kernel
-def _is_soft(cell: Record) -> bool:
-    return bool(cell.stands > 0.0 and cell.soft >= LIKELY)
+def is_soft(of: Any) -> Any:
+    """Whether what stands there lets beams in: of a cell, or of cells (n,)."""
+    return (of["stands"] > 0.0) & (of["soft"] >= LIKELY)
+
+
+_is_soft = kernel(is_soft)
 
 
 @kernel
@@ -97,19 +101,16 @@ def fill(
     listed: I64, cells: Cells, static_rad: F64, ring: Ring, h_pos_m: float,
     ways: F64, z_m: F64, low_m: F64, sigma_m: F64,
 ) -> None:  # fmt: skip
-    """Measured and filled heights of cells, as `Ground` has them; NaN where nothing tells.
+    """Fill the heights of cells that were not measured; NaN stays where nothing tells them.
 
     Args:
         listed: (n,) flat indices.
         static_rad: (2,) what pitch and roll are always wrong by.
         ways: (WAYS, 3) room.
-        z_m, low_m, sigma_m: (cells,); those of the listed cells are filled.
+        z_m, low_m, sigma_m: (cells,) of a `Ground`; NaN, NaN and 0 of those not measured.
     """
     for at in listed:
         cell = cells[at]
-        z_m[at] = low_m[at] = math.nan if _is_soft(cell) else _height_of(cell, static_rad)
-        sigma_m[at] = 0.0
-        low_m[at] += min(0.0, cell.under_m)
         if math.isnan(z_m[at]) and cell.under_m == math.inf and not _is_soft(cell):
             found = _look(at, cells, static_rad, ring, ways)
             if found >= LEAST_WAYS:

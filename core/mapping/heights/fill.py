@@ -1,17 +1,13 @@
 """Heights where no beam met the ground, and how well they are told; worked out when somebody asks.
 
 From a cell the first measured one is looked for in eight directions, as far as the model of terrain
-looks. Those lower than the lowest of them and h_pos are its ground; with weights as in that model:
+looks. Those lower than the lowest of them and h_pos are its ground, with weights as in that model;
+what rises in another direction is a doubt. No slope is filled between ground and an edge: what is
+not seen there lies in its lee, as a rule on the ground. Where less than half of the directions tell
+ground, it is but a gap in what is higher, and all directions count. Refuses to tell a height where
+less than half of them have any, where a beam was under the ground, and of what is soft. What is
+filled frees no cell.
 
-    w_k = 1 / (var_k + q(d_k) + FLAT^2),   z = sum w_k z_k / sum w_k
-    sigma^2 = 1 / max w_k + sum w_k (z_k - z)^2 / sum w_k + max slope_n^2
-    slope_n = (z_n - z) d / (d + d_n)     what rises in another direction; d: to the nearest ground
-
-No slope is filled between ground and an edge: what is not seen there lies in its lee, as a rule on
-the ground. But the height that such a slope would have is one sigma. Where less than half of the
-directions tell ground, it is but a gap in what is higher, and all directions count. Refuses to tell
-a height where less than half of them have any, where a beam was under the ground, and of what is
-soft. What is filled frees no cell.
 Source: docs/method.md, section 5.
 """
 

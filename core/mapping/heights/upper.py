@@ -2,14 +2,10 @@
 
 The highest return of a thing is as a rule one that noise has lifted. So heights that are told, for
 feet, come from a Kalman filter; no decision asks for them, and they are kept only where the
-settings want them (`map.filter_heights`):
-
-    gain = var / (var + noise),  z += gain (z_return - z),  var = (1 - gain) var
-
-It takes returns that are not of floor and lie within GATE sigma of it. What lies higher is a higher
-surface, and begins it anew; what lies as much lower may be a face of it. A beam that an edge
-divides ends in the air: where one return alone tells the surface, and another one or floor lies
-beneath it, no height is told, unless it is a face.
+settings want them (`map.filter_heights`). It takes returns that are not of floor and lie within
+GATE sigma of it. What lies higher is a higher surface, and begins it anew; what lies as much lower
+may be a face of it. A beam that an edge divides ends in the air: where one return alone tells the
+surface, and another one or floor lies beneath it, no height is told, unless it is a face.
 
 Heights are of the map frame, as `cells` has them: s is taken out when they are read.
 Source: docs/method.md, section 5.

@@ -1,18 +1,9 @@
 """What method `surface` keeps of a cell, and its model of terrain: ground by that around it.
 
 Heights are of the map frame, as the sweep's fast error left them. What is always wrong with the
-attitude, s = (pitch, roll), is taken out when they are read, so that a better s mends all the map:
-
-    ground(cell) = ground_m - s_p arm_m - s_r aside_m
-
-arm_m is how far ahead the cell was seen plus the way driven until then, aside_m how far aside.
-Ground is a plane through measured ground nearby, the surer the nearer that is. Terrain departs
-from its tangent plane as an integrated random walk does:
-
-    q(d) = BEND^2 d min(1, d)          variance of the departure, d metres away
-
-    z, a, b = argmin sum_k w_k (z_k - z - a u_k - b v_k)^2 + (a^2 + b^2) / STEEP^2
-    w_k = 1 / (var_k + q(d_k) + rise_k^2 + FLAT^2)
+attitude, s = (pitch, roll), is taken out when they are read (`ground_of`), so that a better s mends
+all the map. Where no ground was measured it is a plane through that nearby, the surer the nearer:
+terrain departs from its tangent plane as an integrated random walk does (`grown`).
 
 Source: docs/method.md, section 2; Kalman elevation cells, Fankhauser et al. 2014.
 """
@@ -114,15 +105,13 @@ class Room(NamedTuple):
     @classmethod
     def none(cls) -> "Room":
         """With nothing in it."""
-        return cls(
-            planes=records(PLANE, PLANES * PLANES),
-            told=Information.of(STATES),
-            P=np.zeros((STATES, STATES)),
-            gone=np.zeros(STATES),
-            h=np.zeros(STATES),
-            bins=np.zeros(BINS),
-            places=np.zeros(MOST_PLACES, np.int32),
+        planes, places = records(PLANE, PLANES * PLANES), np.zeros(MOST_PLACES, np.int32)
+        told, P, (gone, h) = (
+            Information.of(STATES),
+            np.zeros((STATES, STATES)),
+            np.zeros((2, STATES)),
         )
+        return cls(planes, told, P, gone, h, np.zeros(BINS), places)
 
 
 class Surface(NamedTuple):
@@ -173,7 +162,7 @@ def height_over(cell: Record, x: float, y: float, z: float, surface: Surface) ->
 
 @kernel
 def grown(var: float, far_m: float) -> float:
-    """Variance of ground so far from where it is known."""
+    """Variance of ground so far from where it is known, by how terrain bends on the way."""
     return var + BEND * BEND * far_m * min(CARRY_M, far_m)
 
 

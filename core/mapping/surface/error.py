@@ -1,19 +1,14 @@
 """How far a sweep is off: one Kalman filter of its height, pitch and roll.
 
-A return a metres ahead and b metres aside of the axle, after a signed way L, is cast
-
-    z = true + x + p a + r b + s_p (a + L) + s_r b + noise
-
-(p, r): what the orientation's filter leaves, an Ornstein-Uhlenbeck process; (s_p, s_r): what the
-attitude is always off by. The odometry's height runs away with the pitch: dx = p dL. Ground is laid
-at z - x - p a - r b and keeps its arms (a + L, b). Seen again, with other arms, it differs by
+Its states are (x, p, r, s_p, s_r): the odometry's height, what the orientation's filter leaves, and
+what the attitude is always off by. A place that is a metres ahead and b metres aside, and was seen
+before with other arms, differs by
 
     h (x, p, r, s_p, s_r)',   h = (1, a, b, arm now - arm then, aside now - aside then)
 
-so that a straight way, or a turn on the spot, tells nothing of s, and nothing runs away. What p was
-when it was laid is lost, R = 2 S^2 (1 - exp(-age / T)) far^2: one error for all witnesses, however
-many there are. Noise and roughness are each cell's own. The wheels know the ground under them:
-there h = (1, 0, 0, L - arm, -aside).
+so that a straight way, or a turn on the spot, tells nothing of s, and nothing runs away. What p and
+r were when it was laid is lost (`parted_m2`): one error for all witnesses, however many there are.
+Noise and roughness are each cell's own.
 
 Source: docs/method.md, section 3; Kalman filter in information form, Tukey's weights.
 """

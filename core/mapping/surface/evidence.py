@@ -1,18 +1,10 @@
 """What the beams of a sweep say of the cells where they end, and what these are tied to.
 
 A scan has one vote a cell, the highest of its beams': a hit outweighs a beam that passes beside it.
-Ground that is met is a Kalman filter's, with what the attitude has wandered since as its noise:
-
-    gain = aged / (aged + noise),  ground += gain (z - ground),  var = (1 - gain) aged
-
-Ground inherits what it is tied to from the ground that told it: to that on which the wheels roll,
-to a step, or to nothing yet. It is joined to what lies beside it, without a step, along a front as
-wide as a robot. Where ground is tied, loose ground around it may be tied in turn.
-
-What stands is soft, as grass is, if first echoes from it have another one behind them and lie off
-the middle of both their neighbours. It is hard if last echoes lie where their neighbours' do, also
-those behind what is soft. The edge of a hard thing parts beams as well; but beside an upright one a
-neighbour goes far past, and a level one is met at even ranges.
+Ground that is met is a Kalman filter's, with what the attitude has wandered since as its noise. It
+inherits what it is tied to from the ground that told it: to that on which the wheels roll, to a
+step, or to nothing yet; where it is tied, loose ground around it may be tied in turn. What stands
+is soft, as grass is, or hard by where the echoes of its beams lie (`softness`).
 
 Source: docs/method.md, section 4.
 """
@@ -305,6 +297,9 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
 @kernel
 def softness(ranges_m: F64, b: int, limits: cells.Limits) -> float:
     """What the first of a beam's echoes says of what it met: whether that lets beams in.
+
+    Stalks end beams off the middle of their neighbours, and more comes back from behind. A face
+    ends them where it ends their neighbours; at its edge one neighbour goes far past.
 
     ranges_m (echoes, n): it, and those behind it.
     """

@@ -122,13 +122,12 @@ def _see_beyond(cell: Record, one: Record, surface: Surface) -> None:
 def _pass_through(b: int, beams: Beams, surface: Surface) -> None:
     """Along a beam: where something stood at its height, and does not stop it, it may be gone."""
     lens, ray, end, ring = beams.lenses[b], beams.rays[b], beams.ranges_m[0, b], surface.ring
-    window = (ring.corner_i, ring.corner_j, ring.size, ring.cell_m)
     tall, seen_s, places = surface.tall, surface.seen_s, surface.room.places
     first_m = first_place_m(b, surface.now[0].scan)
     # on its way up, what comes in would stop the beam as little
     oldest_s = surface.oldest_s if ray[2] < 0.0 else math.inf
     lens_z, rise = upright_line(lens, ray, surface)
-    for k in range(places_along(lens, ray, first_m, end - THING_M, window, places)):
+    for k in range(places_along(lens, ray, first_m, end - THING_M, ring, places)):
         at = places[k]
         if at < 0:
             continue

@@ -28,7 +28,7 @@ class Heights(NamedTuple):
 
     grid: RingGrid
     cells: Cells  # (size, size)
-    maybe_uppers: Uppers | None  # (cells,) of `upper.py`
+    uppers: Uppers  # (cells,), or of none
     static_rad: F64  # (2,) what pitch and roll are always wrong by
     h_pos_m: float
 
@@ -51,8 +51,8 @@ class Heights(NamedTuple):
         """
         of = self.cells.reshape(-1)[at]
         height_m, var_m2 = self._tops_m(of), of["var_m2"].astype(float)
-        if self.maybe_uppers is not None:
-            uppers, stands, seen = self.maybe_uppers[at], of["stands"] > 0.0, of["looks"] > 0
+        if self.uppers.size > 0:
+            uppers, stands, seen = self.uppers[at], of["stands"] > 0.0, of["looks"] > 0
             is_upper = np.isfinite(uppers["var_m2"]) & (stands | ~seen)
             is_single = (uppers["below_m"] == 0.0) & ~seen
             is_sure = (uppers["agreed"] > 0) | (of["stands"] >= LIKELY) | is_single

@@ -20,9 +20,9 @@ import numpy.typing as npt
 from core.mapping.surface.cells import Surface
 from core.mapping.surface.constants import *
 from core.mapping.surface.sweep import ABOVE, NONE
-from jit import Records, kernel
+from jit import Records, kernel, records
 
-Uppers = npt.NDArray[Any]  # flat, of UPPER; none where no height is filtered
+Uppers = npt.NDArray[Any]  # flat, of UPPER; of no cell where no height is filtered
 
 UPPER = np.dtype(
     [
@@ -37,6 +37,7 @@ UPPER = np.dtype(
 )
 BLANK_UPPER = np.zeros((), dtype=UPPER)
 BLANK_UPPER["var_m2"] = math.inf
+NO_UPPERS: Uppers = records(UPPER, 0)
 
 
 @kernel

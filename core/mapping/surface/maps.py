@@ -21,7 +21,7 @@ from core.mapping.body import BodyPose, Sway, body_pose_at
 from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.heights.told import Heights
-from core.mapping.heights.upper import BLANK_UPPER, UPPER, Uppers, see_uppers
+from core.mapping.heights.upper import BLANK_UPPER, NO_UPPERS, UPPER, see_uppers
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, sweep
@@ -134,9 +134,9 @@ class SurfaceMaps:
         self._geometry = BeamGeometry.of(scanner)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
         self.cells: cells.Cells = self.grid.layer(CELL, cells.BLANK)
-        uppers: Uppers | None = None
+        uppers = NO_UPPERS
         if config.map.filter_heights:
-            uppers = self.grid.layer(UPPER, BLANK_UPPER).reshape(-1)
+            uppers = with_fields(self.grid.layer(UPPER, BLANK_UPPER).reshape(-1))
         self.window = ObstacleWindow(window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
@@ -158,12 +158,11 @@ class SurfaceMaps:
             P=self._error.P,
             touched=Touched.none(self.cells.size),
             now=records(cells.NOW),
-            uppers=records(UPPER, 0) if uppers is None else with_fields(uppers),
+            uppers=uppers,
             room=Room.none(),
         )
         self._returns = [records(RETURN, beams) for _ in range(2)]
-        for echo in self._returns:
-            echo["witness"] = -1
+        self._returns[1]["witness"] = -1  # second echoes tell nothing of the sweep
         self._arm_m = scanner.mount_x_m
         self._faces = FaceMatcher(self.grid, beams)
         self._anchored = False  # some ground is tied to that under the wheels

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from core.grid.ring import RingGrid
 from core.mapping.footing import Footing, Ground, footing_of
 from core.mapping.heights.told import Heights
+from core.mapping.heights.upper import NO_UPPERS
 from core.mapping.layers import view_of
 from core.mapping.surface.cells import BLANK, CELL
 from core.mapping.surface.constants import LIKELY
@@ -212,7 +213,7 @@ def test_of_the_surface_soft_things_are_no_ground_and_low_beams_are_its_lowest()
     for cell in (soft, box):
         cell["stands"], cell["top_m"] = 1.0, 0.25
     soft["soft"], hole["under_m"] = LIKELY, -0.125
-    ground = Heights(grid, cells, None, np.zeros(2), 0.1).ground_at(np.arange(SIZE**2))
+    ground = Heights(grid, cells, NO_UPPERS, np.zeros(2), 0.1).ground_at(np.arange(SIZE**2))
     assert np.isnan([ground.z_m[3, 2], ground.low_m[3, 2]]).all()
     assert (ground.z_m[3, 3], ground.low_m[3, 3]) == (0.75, 0.75)
     assert (ground.z_m[3, 5], ground.low_m[3, 5]) == (0.5, 0.375)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from core.grid.ring import RingGrid
 from core.mapping.heights.told import LAYERS, Heights
+from core.mapping.heights.upper import NO_UPPERS
 from core.mapping.layers import view_of
 from core.mapping.surface.cells import BLANK, CELL, Cells
 from core.mapping.surface.constants import LIKELY
@@ -31,7 +32,7 @@ class Ground:
     def __init__(self) -> None:
         self.grid = RingGrid(SIZE, CELL_M)
         self.cells: Cells = self.grid.layer(CELL, BLANK)
-        self.heights = Heights(self.grid, self.cells, None, np.zeros(2), h_pos_m=0.1)
+        self.heights = Heights(self.grid, self.cells, NO_UPPERS, np.zeros(2), h_pos_m=0.1)
 
     def put(self, i: int, j: int, z_m: float, relief_m: float = 0.0, **fields: float) -> Any:
         """Something that ends at a height, and stands so high over its ground; its record."""

@@ -8,7 +8,7 @@ import numpy as np
 from core.grid.places import Ring, index_of
 from core.grid.touched import Touched
 from core.mapping.body import BodyPose
-from core.mapping.heights.upper import BLANK_UPPER, UPPER, see_uppers
+from core.mapping.heights.upper import BLANK_UPPER, NO_UPPERS, UPPER, see_uppers
 from core.mapping.surface.cells import (
     BLANK,
     CELL,
@@ -86,7 +86,7 @@ class GroundCells:
             P=np.zeros((5, 5)),
             touched=self.touched,
             now=records(NOW),
-            uppers=records(UPPER, 0),
+            uppers=NO_UPPERS,
             room=Room.none(),
         )
 

@@ -11,6 +11,7 @@ from core.grid.ring import RingGrid
 from core.mapping.footing import Ground
 from core.mapping.heights.fill import FILL_M
 from core.mapping.heights.told import Heights
+from core.mapping.heights.upper import NO_UPPERS
 from core.mapping.surface.cells import BLANK, CELL, Cells
 from core.mapping.surface.constants import BEND, FLAT_M, LIKELY
 from core.records import F64, I64
@@ -35,7 +36,7 @@ def level(grid: RingGrid, z_m: float = 0.0) -> Cells:
 
 
 def filled(cells: Cells, grid: RingGrid, at: I64) -> Ground:
-    return Heights(grid, cells, None, np.zeros(2), H_POS_M).filled_at(at)
+    return Heights(grid, cells, NO_UPPERS, np.zeros(2), H_POS_M).filled_at(at)
 
 
 def told(cells: Cells, grid: RingGrid) -> tuple[F64, F64]:

@@ -7,7 +7,7 @@ import pytest
 
 from core.grid.ring import RingGrid
 from core.mapping.heights.told import Heights
-from core.mapping.heights.upper import see_uppers
+from core.mapping.heights.upper import NO_UPPERS, see_uppers
 from core.mapping.surface.constants import MOST
 from core.mapping.surface.evidence import vote
 from core.mapping.surface.maps import SurfaceMaps
@@ -20,11 +20,11 @@ from tests.support.robot.shipped import shipped
 LEVEL = np.zeros(2)
 
 
-def heights(ground: GroundCells, uppers: Records | None, static_rad: F64 = LEVEL) -> Heights:
+def heights(ground: GroundCells, uppers: Records, static_rad: F64 = LEVEL) -> Heights:
     return Heights(RingGrid(41, 0.2), ground.cells, uppers, static_rad, LIMITS.h_pos_m)
 
 
-def told_m(ground: GroundCells, at: int, uppers: Records | None) -> tuple[float, float]:
+def told_m(ground: GroundCells, at: int, uppers: Records) -> tuple[float, float]:
     (height_m,), (var_m2,) = heights(ground, uppers).told_at(np.array([at]))
     return float(height_m), float(var_m2)
 
@@ -50,7 +50,7 @@ def test_what_stands_is_as_high_as_returns_agree(
     assert told_m(ground, at, uppers)[0] == pytest.approx(filtered_m, abs=1e-6)
     assert uppers["below_m"][at] == pytest.approx(below_m)
     assert ground.cells["top_m"][at] == pytest.approx(max(returns_m))  # by this it is decided
-    assert told_m(ground, at, None)[0] == pytest.approx(max(returns_m))
+    assert told_m(ground, at, NO_UPPERS)[0] == pytest.approx(max(returns_m))
 
 
 def test_one_return_over_floor_leaves_the_height_unknown_until_another_agrees() -> None:

@@ -43,6 +43,7 @@ LIBRARIES = {
 }
 POLYGONS = ("core.objects", "core.paths")
 CLOCKS_AND_FILES = {"time", "asyncio", "socket", "os", "threading", "random", "logging", "pathlib"}
+METHODS = ("surface", "heights", "paper", "certainty")
 VOCABULARY = {"core.records", "core.config", "core.geometry"}
 DEVICES = ("lms1xx", "urg04lx", "stripe", "visionary", "depth_images", "kinect", "mti", "ax3500")
 OF_AN_LMS = re.compile(
@@ -160,6 +161,18 @@ def test_in_core_nobody_imports_what_stands_above_him() -> None:
     faults += wrong("core.paths", *maps, "core.objects")
     paths = [f"core.paths.{room}" for room in ("geometry", "coverage", "cleaning")]
     faults += wrong(paths[0], *paths[1:]) + wrong(paths[1], paths[2])
+    assert faults == []
+
+
+def test_heights_are_read_off_a_map_and_only_who_puts_a_scans_steps_together_knows_of_them() -> (
+    None
+):
+    rooms = [name for name in modules() if within(name, "core.mapping.surface")]
+    steps = [name for name in rooms if name.count(".") == 3 and not name.endswith(".maps")]
+    faults = [fault for step in steps for fault in wrong(step, "core.mapping.heights")]
+    faults += wrong("core.mapping.heights", "core.mapping.surface.maps")
+    faults += wrong("core.mapping.layers", *(f"core.mapping.{room}" for room in METHODS))
+    assert len(steps) > 5
     assert faults == []
 
 

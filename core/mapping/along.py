@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from core.grid.places import Ring
 from core.mapping.rays import MIN_RANGE_M
 from core.records import F64, I32
 from jit import kernel
@@ -33,22 +34,23 @@ def first_place_m(b: int, serial: int) -> float:
 
 
 @kernel
-def places_along(
-    lens: F64, ray: F64, first_m: float, end_m: float, window: tuple[int, int, int, float], at: I32
-) -> int:
+def places_along(lens: F64, ray: F64, first_m: float, end_m: float, ring: Ring, at: I32) -> int:
     """How many places a beam has before a range, one each STEP_M; fills `at` with their cells.
 
-    Args:
-        window: corner i, corner j, size, edge of a cell in metres.
-        at: (MOST_PLACES,) flat indices; OUTSIDE of the window.
+    at: (MOST_PLACES,) flat indices; OUTSIDE of the window.
     """
-    corner_i, corner_j, size, cell_m = window
+    cell_m = ring.cell_m
     count = max(0, math.ceil((min(end_m, REACH_M) - first_m) / STEP_M))
     # in cells, from the corner; whole ones in 32 bits, of which eight are worked out at once
     x, y = (lens[0] + first_m * ray[0]) / cell_m, (lens[1] + first_m * ray[1]) / cell_m
-    x, y, dx, dy = x - corner_i, y - corner_j, STEP_M * ray[0] / cell_m, STEP_M * ray[1] / cell_m
-    edge, turn = np.float64(size), np.int32(size)
-    first_i, first_j = np.int32(corner_i % size), np.int32(corner_j % size)
+    x, y, dx, dy = (
+        x - ring.corner_i,
+        y - ring.corner_j,
+        STEP_M * ray[0] / cell_m,
+        STEP_M * ray[1] / cell_m,
+    )
+    edge, turn = np.float64(ring.size), np.int32(ring.size)
+    first_i, first_j = np.int32(ring.turn_i), np.int32(ring.turn_j)
     for k in range(count):
         u, v = x + k * dx, y + k * dy
         is_inside = (u >= 0.0) & (v >= 0.0) & (u < edge) & (v < edge)

@@ -15,13 +15,8 @@ import numpy.typing as npt
 from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.footing import FOOTING, USUAL, Footing, Ground, cells_within, footing_of
-from core.mapping.surface.cells import Cells
-from core.mapping.surface.constants import LIKELY
-from core.mapping.surface.fill import WAYS, fill
-from core.mapping.surface.upper import Uppers, ground_m, heights_m
-from core.mapping.terrain import F32, JUDGED, around, terrain_of
+from core.mapping.terrain import F32
 from core.records import F64, I64, UNKNOWN
-from jit import with_fields
 
 UNITS = {  # every layer there is
     "height": "m",  # above the ground: measured (`surface`) or expected (`reference_plane`)
@@ -39,7 +34,6 @@ UNITS = {  # every layer there is
     "state": "",  # OBSTACLE or FREE
 }
 FILL = ("filled", "filled_sigma")
-SURFACE = UNITS.keys() - {"state", *FOOTING, *FILL}  # those that method `surface` has of its own
 ON_ASKING = ("cause", "age")  # only of some cells: a code of `causes.py`; s, at the newest scan
 Pick = Callable[[I64], F64]  # values (n,) at flat indices (n,) of a ring; NaN: not known
 RingLayer = tuple[RingGrid, Pick]
@@ -160,66 +154,3 @@ def maybe_values(
         return maps.causes(i, j) if name == "cause" else maps.ages_s(i, j)
     ring = _maybe_any(maps, name, footing)
     return None if ring is None else at_cells(ring[0], i, j, ring[1])
-
-
-def surface_ground(cells: Cells, static_rad: F64, grid: RingGrid, at: I64) -> Ground:
-    """What feet may stand on, of method `surface`: the highest return; nothing where it is soft.
-
-    Of the cells at flat indices (n,); NaN elsewhere.
-    """
-    of, (z_m, low_m) = cells.reshape(-1)[at], np.full((2, cells.size), np.nan)
-    z_m[at] = np.where(_is_soft(of), np.nan, heights_m(of, None, static_rad)[0])
-    low_m[at] = z_m[at] + np.minimum(0.0, of["under_m"])
-    measured = np.zeros(cells.shape)
-    return Ground(grid, z_m.reshape(cells.shape), low_m.reshape(cells.shape), measured)
-
-
-def filled_ground(cells: Cells, static_rad: F64, grid: RingGrid, h_pos_m: float, at: I64) -> Ground:
-    """The same, with heights of cells that were not measured, as far as `fill` tells them."""
-    (z_m, low_m), sigma_m = np.full((2, cells.size), np.nan), np.zeros(cells.size)
-    flat, room = with_fields(cells.reshape(-1)), np.zeros((WAYS, 3))
-    fill(at, flat, static_rad, grid.ring, h_pos_m, room, z_m, low_m, sigma_m)
-    return Ground(grid, *(part.reshape(cells.shape) for part in (z_m, low_m, sigma_m)))
-
-
-def _is_soft(cells: Cells) -> npt.NDArray[np.bool_]:
-    return np.asarray((cells["stands"] > 0.0) & (cells["soft"] >= LIKELY))
-
-
-def _relief_m(cells: Cells, cell_m: float) -> F64:
-    """Between the lowest and the highest in each cell: slopes, what stands, what lacks."""
-    stands_m = np.where(cells["stands"] > 0.0, np.maximum(0.0, cells["top_m"]), 0.0)
-    steep = np.abs(cells["slope_x"]) + np.abs(cells["slope_y"])
-    return np.asarray(stands_m - np.minimum(0.0, cells["under_m"]) + cell_m * steep, float)
-
-
-def maybe_surface_ring(
-    name: str, cells: Cells, uppers: Uppers | None, static_rad: F64, grid: RingGrid
-) -> RingLayer | None:
-    """A layer of method `surface`, worked out where asked; none: no such one."""
-    cells = cells.reshape(-1)
-
-    def heights_at(at: I64) -> tuple[F64, F64]:
-        return heights_m(cells[at], None if uppers is None else uppers[at], static_rad)
-
-    def told(at: I64) -> F64:
-        of = cells[at]
-        if name in JUDGED and name != "slope":
-            near = around(grid, at)
-            z_m = np.where(near >= 0, heights_at(np.maximum(near, 0))[0], np.nan)
-            judged = terrain_of(z_m, _relief_m(of, grid.cell_m), grid.cell_m)
-            return np.asarray(judged[JUDGED.index(name)], float)
-        if name == "z":
-            return heights_at(at)[0]
-        if name == "slope":
-            steep = np.arctan(np.hypot(of["slope_x"], of["slope_y"]))
-            return np.where(of["looks"] > 0, steep, np.nan)
-        z_m, var_m2 = heights_at(at)
-        if name == "variance":
-            return var_m2
-        if name == "soft":  # whatever its height is
-            return np.where(np.isnan(heights_m(of, None, static_rad)[0]), np.nan, _is_soft(of))
-        is_guess = (of["looks"] == 0) & ~(of["stands"] > 0.0)  # of the ground below
-        return np.where(is_guess, np.nan, z_m - ground_m(of, static_rad))
-
-    return (grid, told) if name in SURFACE else None

@@ -15,9 +15,9 @@ from tests import ROOT
 from tests.hw.stripe.test_sweep import GIVEN
 
 METHODS = {
-    "reference_plane": "core.mapping.paper",
-    "surface": "core.mapping.surface",
-    "certainty": "core.mapping.certainty",
+    "reference_plane": ("core.mapping.paper",),
+    "surface": ("core.mapping.surface", "core.mapping.heights"),
+    "certainty": ("core.mapping.certainty",),
 }
 SERVED = {"core.driving.zone: nearest_in_sectors"}  # for a server that is off as shipped
 MODBUS = {"port": "tcp://127.0.0.1:5020"}
@@ -51,7 +51,7 @@ def called_from_python(path: Path) -> set[str]:
 
 def cold_kernels(method: str = "surface") -> set[str]:
     """Those of the app with a method that Python calls, and that are not loaded."""
-    others = tuple(room for name, room in METHODS.items() if name != method)
+    others = tuple(room for name in METHODS.keys() - {method} for room in METHODS[name])
     cold, seen = set(), 0
     for path in sorted([*ROOT.glob("core/**/*.py"), *ROOT.glob("hw/**/*.py")]):
         name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
@@ -93,5 +93,5 @@ def test_every_kernel_of_a_camera_is_warm_where_that_is_the_scanner() -> None:
 @pytest.mark.parametrize("method", ["reference_plane", "certainty"])
 def test_every_kernel_of_another_method_is_warm_where_that_is_set(method: str) -> None:
     cold = cold_after(map={"method": method})
-    used = METHODS[method], "hw.planner_link"
+    used = *METHODS[method], "hw.planner_link"
     assert not [name for name in cold if name.startswith(used)]

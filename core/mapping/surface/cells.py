@@ -1,18 +1,9 @@
 """What method `surface` keeps of a cell, and its model of terrain: ground by that around it.
 
 Heights are of the map frame, as the sweep's fast error left them. What is always wrong with the
-attitude, s = (pitch, roll), is taken out when they are read, so that a better s mends all the map:
-
-    ground(cell) = ground_m - s_p arm_m - s_r aside_m
-
-arm_m is how far ahead the cell was seen plus the way driven until then, aside_m how far aside.
-Ground is a plane through measured ground nearby, the surer the nearer that is. Terrain departs
-from its tangent plane as an integrated random walk does:
-
-    q(d) = BEND^2 d min(1, d)          variance of the departure, d metres away
-
-    z, a, b = argmin sum_k w_k (z_k - z - a u_k - b v_k)^2 + (a^2 + b^2) / STEEP^2
-    w_k = 1 / (var_k + q(d_k) + rise_k^2 + FLAT^2)
+attitude, s = (pitch, roll), is taken out when they are read (`ground_of`), so that a better s mends
+all the map. Where no ground was measured it is a plane through that nearby, the surer the nearer:
+terrain departs from its tangent plane as an integrated random walk does (`grown`).
 
 Source: docs/method.md, section 2; Kalman elevation cells, Fankhauser et al. 2014.
 """
@@ -25,11 +16,13 @@ import numpy.typing as npt
 
 from core.grid.places import Ring, from_centre, index_of
 from core.grid.touched import Touched
+from core.mapping.along import MOST_PLACES
 from core.mapping.body import BodyPose
 from core.mapping.plane_fit import NO_POINTS, plane_of_sums, with_point
 from core.mapping.surface.constants import *
-from core.records import F64, U8
-from jit import Record, Records, fields, kernel
+from core.motion.kalman import Information
+from core.records import F64, I32, U8
+from jit import Record, Records, fields, kernel, records
 
 Cells = npt.NDArray[Any]  # flat, of CELL
 
@@ -71,6 +64,7 @@ PLANE = np.dtype(
         *fields(np.int64, "tied is_before"),
     ]
 )
+STATES = 5  # of a sweep's error: height, pitch, roll; pitch and roll always
 # scans, and echoes of all, held against the ground; height on which the robot stands
 NOW = np.dtype([("scan", np.int64), ("held", np.int64), ("wheels_m", np.float64)])
 
@@ -97,6 +91,29 @@ class Limits(NamedTuple):
     block: int  # cells along the edge of a block, whose ground is worked out at once
 
 
+class Room(NamedTuple):
+    """What a scan is worked out in; nothing in it outlives the scan."""
+
+    planes: Records  # (PLANES * PLANES,)
+    told: Information  # of the sweep's error, by the witnesses
+    P: F64  # (5, 5) its covariance with that
+    gone: F64  # (5,) how far it has moved since the returns were held against the ground
+    h: F64  # (5,) how a place seen again differs by each state
+    bins: F64  # (BINS,) in which returns over a guess are counted
+    places: I32  # (MOST_PLACES,) those of a beam
+
+    @classmethod
+    def none(cls) -> "Room":
+        """With nothing in it."""
+        planes, places = records(PLANE, PLANES * PLANES), np.zeros(MOST_PLACES, np.int32)
+        told, P, (gone, h) = (
+            Information.of(STATES),
+            np.zeros((STATES, STATES)),
+            np.zeros((2, STATES)),
+        )
+        return cls(planes, told, P, gone, h, np.zeros(BINS), places)
+
+
 class Surface(NamedTuple):
     """The map and all else that a scan works with, as kernels are given it."""
 
@@ -107,12 +124,12 @@ class Surface(NamedTuple):
     ring: Ring
     limits: Limits
     stand: BodyPose  # where and how the robot stands
-    own: F64  # (5,) error of the newest sweep: height, pitch, roll; pitch and roll always
+    own: F64  # (5,) error of the newest sweep, its STATES
     P: F64  # (5, 5) its covariance
     touched: Touched
-    planes: Records  # (PLANES * PLANES,)
     now: Records  # (1,) of NOW
-    uppers: Records  # (cells,) of `upper.UPPER`, or none: see there
+    uppers: Records  # (cells,) of `core.mapping.heights.upper`, or none: see there
+    room: Room
 
 
 class Plane(NamedTuple):
@@ -145,7 +162,7 @@ def height_over(cell: Record, x: float, y: float, z: float, surface: Surface) ->
 
 @kernel
 def grown(var: float, far_m: float) -> float:
-    """Variance of ground so far from where it is known."""
+    """Variance of ground so far from where it is known, by how terrain bends on the way."""
     return var + BEND * BEND * far_m * min(CARRY_M, far_m)
 
 
@@ -165,7 +182,7 @@ def plane_at(i: int, j: int, surface: Surface) -> Plane:
     """
     block, held, cell_m = surface.limits.block, surface.now[0].held, surface.ring.cell_m
     block_i, block_j = (i // block, j // block) if block > 1 else (i, j)
-    one = surface.planes[block_j % PLANES * PLANES + block_i % PLANES]
+    one = surface.room.planes[block_j % PLANES * PLANES + block_i % PLANES]
     if one.held != held or one.block_i != block_i or one.block_j != block_j:
         one.held, one.block_i, one.block_j = held, block_i, block_j
         _fit(one, i, j, surface)

@@ -1,48 +1,28 @@
 """How far a sweep is off: one Kalman filter of its height, pitch and roll.
 
-A return a metres ahead and b metres aside of the axle, after a signed way L, is cast
-
-    z = true + x + p a + r b + s_p (a + L) + s_r b + noise
-
-(p, r): what the orientation's filter leaves, an Ornstein-Uhlenbeck process; (s_p, s_r): what the
-attitude is always off by. The odometry's height runs away with the pitch: dx = p dL. Ground is laid
-at z - x - p a - r b and keeps its arms (a + L, b). Seen again, with other arms, it differs by
+Its states are (x, p, r, s_p, s_r): the odometry's height, what the orientation's filter leaves, and
+what the attitude is always off by. A place that is a metres ahead and b metres aside, and was seen
+before with other arms, differs by
 
     h (x, p, r, s_p, s_r)',   h = (1, a, b, arm now - arm then, aside now - aside then)
 
-so that a straight way, or a turn on the spot, tells nothing of s, and nothing runs away. What p was
-when it was laid is lost, R = 2 S^2 (1 - exp(-age / T)) far^2: one error for all witnesses, however
-many there are. Noise and roughness are each cell's own. The wheels know the ground under them:
-there h = (1, 0, 0, L - arm, -aside).
+so that a straight way, or a turn on the spot, tells nothing of s, and nothing runs away. What p and
+r were when it was laid is lost (`parted_m2`): one error for all witnesses, however many there are.
+Noise and roughness are each cell's own.
 
 Source: docs/method.md, section 3; Kalman filter in information form, Tukey's weights.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from core.grid.places import cell_at
-from core.mapping.along import MOST_PLACES
-from core.mapping.surface.cells import Surface, height_over
+from core.mapping.surface.cells import STATES, Surface, height_over
 from core.mapping.surface.constants import *
-from core.motion.kalman import Information, begin, clear, correct, fade, follow, join, note, spread
-from core.records import F64, I32
+from core.motion.kalman import begin, clear, correct, fade, follow, join, note, spread
+from core.records import F64
 from jit import Record, Records, kernel
-
-STATES = 5
-
-
-class Room(NamedTuple):
-    """What an estimate is worked out in."""
-
-    told: Information  # by the witnesses
-    P: F64  # (5, 5) the covariance with it
-    gone: F64  # (5,) how far it has moved since the returns were held against the ground
-    h: F64  # (5,)
-    bins: F64  # (BINS,) in which returns over a guess are counted
-    places: I32  # (MOST_PLACES,) those of a beam
 
 
 @kernel
@@ -53,9 +33,15 @@ def parted_m2(ahead: float, aside: float, age_s: float) -> float:
 
 
 @kernel
+def arms_of(ahead: float, aside: float, cell: Record, surface: Surface) -> tuple[float, float]:
+    """The arms of a place now, less those with which its cell was seen: how s differs."""
+    return ahead + surface.stand.travel_m - cell.arm_m, aside - cell.aside_m
+
+
+@kernel
 def arms_m2(ahead: float, aside: float, cell: Record, surface: Surface) -> float:
     """Variance of what the attitude is always off by, in a height seen before with other arms."""
-    arm, side, P = ahead + surface.stand.travel_m - cell.arm_m, aside - cell.aside_m, surface.P
+    (arm, side), P = arms_of(ahead, aside, cell, surface), surface.P
     return float(P[3, 3] * arm * arm + 2.0 * P[3, 4] * arm * side + P[4, 4] * side * side)
 
 
@@ -76,44 +62,41 @@ def jump(P: F64) -> None:
 
 
 @kernel
-def _row(ahead: float, aside: float, travel_m: float, cell: Record, h: F64) -> None:
-    """How a place seen again differs by each state; travel_m: L, the way driven so far."""
-    h[0], h[1], h[2] = 1.0, ahead, aside
-    h[3], h[4] = ahead + travel_m - cell.arm_m, aside - cell.aside_m
-
-
-@kernel
-def roll_on(passed_s: float, surface: Surface, room: Room) -> None:
+def roll_on(passed_s: float, surface: Surface) -> None:
     """The wheels on a cell: its ground is under them. Where it was laid, what p was is lost.
 
     passed_s: since the last scan; 0 while the robot stands.
     """
-    stand, own, h = surface.stand, surface.own, room.h
+    stand, own, h = surface.stand, surface.own, surface.room.h
     at = cell_at(stand.x_m, stand.y_m, surface.ring)
     cell = surface.cells[max(0, at)]
     if at >= 0 and cell.looks > 0 and passed_s > 0.0:
-        _row(0.0, 0.0, stand.travel_m, cell, h)
+        h[0], h[1], h[2] = 1.0, 0.0, 0.0
+        h[3], h[4] = arms_of(0.0, 0.0, cell, surface)
         z = stand.z_m - own[0] - own[3] * stand.travel_m
         off = height_over(cell, stand.x_m, stand.y_m, z, surface)
         var = cell.var_m2 + FLAT_M * FLAT_M + (SIGMA_FAST_RAD * surface.limits.far_m) ** 2
         if off * off <= GATE * GATE * (var + spread(h, surface.P)):
             # cells one behind the other were laid with one error
-            correct(surface.P, own, h, off, 2.0 * FAST_S * var / passed_s, room.told.Ph)
+            alike = 2.0 * FAST_S * var / passed_s
+            correct(surface.P, own, h, off, alike, surface.room.told.Ph)
     surface.now[0].wheels_m = stand.z_m - own[0] - own[3] * stand.travel_m
 
 
 @kernel
-def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float:
-    """Sum what the witnesses say into `room.told`; how many of them are of one mind."""
-    h, gone, total, stand = room.h, room.gone, 0.0, surface.stand
-    clear(room.told)
+def _gather(returns: Records, cells: int, surface: Surface) -> float:
+    """Sum what the witnesses say into `told` of the room; how many of them are of one mind."""
+    told, h, gone = surface.room.told, surface.room.h, surface.room.gone
+    total, stand = 0.0, surface.stand
+    clear(told)
     for b in range(returns.size):
         one = returns[b]
         if one.witness < 0:
             continue
         cell = surface.cells[one.witness]
         a, s = one.witness_ahead_m, one.witness_aside_m
-        _row(a, s, stand.travel_m, cell, h)
+        h[0], h[1], h[2] = 1.0, a, s
+        h[3], h[4] = arms_of(a, s, cell, surface)
         age_s = stand.t_s - cell.floor_s
         if age_s < FAST_S:  # what differs so soon is the fast part
             h[3] = h[4] = 0.0
@@ -124,15 +107,15 @@ def _gather(returns: Records, cells: int, surface: Surface, room: Room) -> float
         share = 1.0 - off * off / (GATE * GATE * (var + wander + spread(h, surface.P)))
         if share > 0.0:
             alike = ALIKE_S * var / cells + 2.0 * min(age_s, FAST_S) * wander
-            note(room.told, h, one.off_m, share * share / alike)
+            note(told, h, one.off_m, share * share / alike)
             total += share * share
     return total
 
 
 @kernel
-def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -> None:
+def set_right(returns: Records, passed_s: float, surface: Surface) -> None:
     """Take the sweep's error out of its returns, and note it in `surface.own` and `surface.P`."""
-    gone, now, travel_m = room.gone, room.P, surface.stand.travel_m
+    gone, now, travel_m = surface.room.gone, surface.room.P, surface.stand.travel_m
     cells, last = 0, -1
     for b in range(returns.size):
         witness = returns[b].witness
@@ -140,13 +123,13 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
         last = witness
     gone[:] = 0.0
     for _ in range(ROUNDS):
-        total = _gather(returns, cells, surface, room)
+        total = _gather(returns, cells, surface)
         for k in range(now.size):
             now.flat[k] = surface.P.flat[k]
         gone[:] = 0.0
         if total < WITNESSES:
             break
-        join(now, gone, room.told, passed_s / total)
+        join(now, gone, surface.room.told, passed_s / total)
     for k in range(STATES):
         surface.own[k] += gone[k]
     for k in range(now.size):
@@ -160,7 +143,8 @@ def set_right(returns: Records, passed_s: float, surface: Surface, room: Room) -
         one.z_m -= error + gone[3] * (a + travel_m) + gone[4] * s
         wander = parted_m2(a, s, one.age_s)
         if cell.looks > 0:
-            error += gone[3] * (a + travel_m - cell.arm_m) + gone[4] * (s - cell.aside_m)
+            arm, side = arms_of(a, s, cell, surface)
+            error += gone[3] * arm + gone[4] * side
             wander += arms_m2(a, s, cell, surface)
         one.wander_m2 = wander
         one.height_m -= error
@@ -173,9 +157,6 @@ class SweepFilter:
     def __init__(self) -> None:
         self.own: F64 = np.zeros(STATES)
         self.P: F64 = np.zeros((STATES, STATES))
-        (gone, h), places = np.zeros((2, STATES)), np.zeros(MOST_PLACES, np.int32)
-        told, square = Information.of(STATES), np.zeros((STATES, STATES))
-        self.room = Room(told, square, gone, h, np.zeros(BINS), places)
         self._doubted = 0
         self.restart()
 

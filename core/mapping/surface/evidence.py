@@ -1,18 +1,10 @@
 """What the beams of a sweep say of the cells where they end, and what these are tied to.
 
 A scan has one vote a cell, the highest of its beams': a hit outweighs a beam that passes beside it.
-Ground that is met is a Kalman filter's, with what the attitude has wandered since as its noise:
-
-    gain = aged / (aged + noise),  ground += gain (z - ground),  var = (1 - gain) aged
-
-Ground inherits what it is tied to from the ground that told it: to that on which the wheels roll,
-to a step, or to nothing yet. It is joined to what lies beside it, without a step, along a front as
-wide as a robot. Where ground is tied, loose ground around it may be tied in turn.
-
-What stands is soft, as grass is, if first echoes from it have another one behind them and lie off
-the middle of both their neighbours. It is hard if last echoes lie where their neighbours' do, also
-those behind what is soft. The edge of a hard thing parts beams as well; but beside an upright one a
-neighbour goes far past, and a level one is met at even ranges.
+Ground that is met is a Kalman filter's, with what the attitude has wandered since as its noise. It
+inherits what it is tied to from the ground that told it: to that on which the wheels roll, to a
+step, or to nothing yet; where it is tied, loose ground around it may be tied in turn. What stands
+is soft, as grass is, or hard by where the echoes of its beams lie (`softness`).
 
 Source: docs/method.md, section 4.
 """
@@ -158,9 +150,10 @@ def _lay(cell: Record, z: float, gain: float, one: Record, surface: Surface) -> 
 
 
 @kernel
-def _see_floor(at: int, one: Record, z: float, surface: Surface) -> None:
+def _see_floor(one: Record, z: float, surface: Surface) -> None:
     """Floor at height z at a cell's centre: the errors of one scan come together, count once."""
-    cell, limits, t_s = surface.cells[at], surface.limits, surface.stand.t_s
+    at, limits, t_s = one.at, surface.limits, surface.stand.t_s
+    cell = surface.cells[at]
     aged, since_s = cell.var_m2, t_s - cell.floor_s
     if cell.looks > 0:
         aged += parted_m2(one.ahead_m, one.aside_m, since_s)
@@ -186,12 +179,10 @@ def _see_floor(at: int, one: Record, z: float, surface: Surface) -> None:
 
 
 @kernel
-def _end_on_floor(
-    at: int, part: int, one: Record, z: float, is_step: bool, surface: Surface
-) -> None:
+def _end_on_floor(part: int, one: Record, z: float, is_step: bool, surface: Surface) -> None:
     """A return from floor, in a part of a cell, which may frame the cells beside it."""
-    cell, limits, bits = surface.cells[at], surface.limits, surface.touched.bits
-    slot = touch(at, surface.touched)
+    at, limits, bits = one.at, surface.limits, surface.touched.bits
+    cell, slot = surface.cells[at], touch(at, surface.touched)
     one.kind = FLOOR
     if is_step:  # what was expected is worth nothing
         stay(cell, _lay(cell, z, 1.0, one, surface))
@@ -199,7 +190,7 @@ def _end_on_floor(
         one.tied = APART if one.height_m <= limits.h_neg_m else LOOSE
     if not bits[slot] & SAW_FLOOR:
         bits[slot] |= SAW_FLOOR
-        _see_floor(at, one, z, surface)
+        _see_floor(one, z, surface)
     surface.seen_s[at] = surface.stand.t_s
     cell.floor_m = min(cell.floor_m, z - ground_of(cell, surface.own))
     if not cell.parts & part:
@@ -218,7 +209,7 @@ def _end_on_floor(
 
 
 @kernel
-def _goes_on(at: int, one: Record, ray: F64, surface: Surface) -> bool:
+def _goes_on(one: Record, ray: F64, surface: Surface) -> bool:
     """Whether the ground is as low already in the cell before that of a return.
 
     Not so near the seam of both that a face there has its returns on both sides of it.
@@ -226,11 +217,11 @@ def _goes_on(at: int, one: Record, ray: F64, surface: Surface) -> bool:
     level, doubt = level_of(ray), GATE * math.sqrt(one.noise_m2)
     sigma = sigma_of(math.hypot(one.ahead_m, one.aside_m), surface.limits)
     dx, dy, seam = ray[0] / level, ray[1] / level, math.sqrt(2.0) * GATE * sigma
-    if cell_at(one.x_m - seam * dx, one.y_m - seam * dy, surface.ring) != at:
+    if cell_at(one.x_m - seam * dx, one.y_m - seam * dy, surface.ring) != one.at:
         return False
     step = surface.ring.cell_m
     before = cell_at(one.x_m - step * dx, one.y_m - step * dy, surface.ring)
-    if before < 0 or before == at:
+    if before < 0 or before == one.at:
         return False
     cell = surface.cells[before]
     return bool(abs(cell.low_m + ground_of(cell, surface.own) - one.z_m) < doubt)
@@ -247,20 +238,21 @@ def _stand(at: int, h: float, surface: Surface) -> None:
 
 
 @kernel
-def _rise(at: int, one: Record, surface: Surface) -> None:
+def _rise(one: Record, surface: Surface) -> None:
     """Over ground that is a guess, it stands what rises in its place more steeply than ground."""
-    cell = surface.cells[at]
-    _stand(at, one.z_m - ground_of(cell, surface.own), surface)
+    cell = surface.cells[one.at]
+    _stand(one.at, one.z_m - ground_of(cell, surface.own), surface)
     steepest = STEEPEST * surface.ring.cell_m + GATE * math.sqrt(2.0 * one.noise_m2)
     if cell.top_m - cell.low_m > steepest:
         one.kind = ABOVE
-        vote(at, HIT, surface)
+        vote(one.at, HIT, surface)
 
 
 @kernel
-def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
+def _end(one: Record, ray: F64, surface: Surface) -> None:
     """A return into the cell where it lies: as floor, above it or below."""
-    cell, own, limits, stand = surface.cells[at], surface.own, surface.limits, surface.stand
+    at, limits, stand = one.at, surface.limits, surface.stand
+    cell = surface.cells[at]
     h, z = one.height_m, one.z_m - (one.slope_x * one.from_x + one.slope_y * one.from_y)
     sigma = math.sqrt(one.var_m2 + one.wander_m2 + one.noise_m2)
     is_guess = one.var_m2 > limits.guess_m2
@@ -268,14 +260,15 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     if is_guess and h < 0.0:
         return  # it tells nothing, over ground that is a guess
     if cell.var_m2 == math.inf:
-        a, b, seen_s, var = one.slope_x, one.slope_y, stand.t_s - one.age_s, one.var_m2
-        plane = cells.plane_of(z - h, a, b, var, seen_s, one.tied, True)
+        seen_s = stand.t_s - one.age_s
+        plane = cells.plane_of(z - h, one.slope_x, one.slope_y, one.var_m2, seen_s, one.tied, True)
         expect(cell, plane, one.x_m, one.y_m, surface)
     if is_guess:
-        _rise(at, one, surface)
+        _rise(one, surface)
         return
     touch(at, surface.touched)
     part = part_bit(one.x_m, one.y_m, surface.ring.cell_m, limits.parts)
+    over = z - ground_of(cell, surface.own)  # h is over the ground that was due
     doubt = GATE * math.sqrt(one.near_var_m2 + one.wander_m2 + one.noise_m2)
     if cell.parts & part << cells.PART_BITS:
         doubt /= GATE  # seen lower before: only what is as high as it should be is floor
@@ -286,24 +279,27 @@ def _end(at: int, one: Record, ray: F64, surface: Surface) -> None:
     rise = min(limits.h_pos_m, GATE * math.sqrt(one.noise_m2 + drift))
     most = limits.h_pos_m if one.is_before else min(limits.h_pos_m, GATE * sigma)
     if ((h <= limits.h_neg_m and is_step) or is_lower) and not (
-        is_lower and one.is_face == 0 and _goes_on(at, one, ray, surface)
+        is_lower and one.is_face == 0 and _goes_on(one, ray, surface)
     ):
         one.kind = BELOW
-        cell.low_m = min(cell.low_m, one.z_m - ground_of(cell, own))
-        lower(at, part, z - ground_of(cell, own), surface)
-    elif h < most and one.is_face == 0 and z - ground_of(cell, own) <= cell.floor_m + rise:
-        _end_on_floor(at, part, one, z, is_step and cell.looks == 0, surface)
+        cell.low_m = min(cell.low_m, one.z_m - ground_of(cell, surface.own))
+        lower(at, part, over, surface)
+    elif h < most and one.is_face == 0 and over <= cell.floor_m + rise:
+        _end_on_floor(part, one, z, is_step and cell.looks == 0, surface)
     else:
         one.kind, foot = ABOVE, 0.0
         if cell.looks > 0 and cell.parts & part:  # a face: its first returns were floor, lifted it
             foot = max(-rise, cell.floor_m)
         vote(at, max(0.0, min(HIT, (h - foot - limits.h_pos_m) / sigma)), surface)
-        _stand(at, z - ground_of(cell, own), surface)
+        _stand(at, over, surface)
 
 
 @kernel
 def softness(ranges_m: F64, b: int, limits: cells.Limits) -> float:
     """What the first of a beam's echoes says of what it met: whether that lets beams in.
+
+    Stalks end beams off the middle of their neighbours, and more comes back from behind. A face
+    ends them where it ends their neighbours; at its edge one neighbour goes far past.
 
     ranges_m (echoes, n): it, and those behind it.
     """
@@ -330,7 +326,7 @@ def end_beams(beams: Beams, surface: Surface) -> None:
         if one.height_m > surface.limits.height_m:
             one.kind = HIGH
             continue
-        _end(one.at, one, beams.rays[b], surface)
+        _end(one, beams.rays[b], surface)
         if one.kind != ABOVE:
             continue
         cell = surface.cells[one.at]  # soon hard, if something lies down in it

@@ -20,17 +20,18 @@ from core.mapping import along, layers
 from core.mapping.body import BodyPose, Sway, body_pose_at
 from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
+from core.mapping.heights.told import Heights
+from core.mapping.heights.upper import BLANK_UPPER, NO_UPPERS, UPPER, see_uppers
 from core.mapping.rays import BeamGeometry
 from core.mapping.slip import FaceMatcher
 from core.mapping.surface import cells, sweep
-from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Surface
+from core.mapping.surface.cells import CELL, LOOSE, TIED, Limits, Room, Surface
 from core.mapping.surface.constants import *
 from core.mapping.surface.decision import decide_cells, list_causes
-from core.mapping.surface.error import Room, SweepFilter, roll_on, set_right
+from core.mapping.surface.error import SweepFilter, roll_on, set_right
 from core.mapping.surface.evidence import end_beams, spread_ties
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_faces, find_witnesses, hold
-from core.mapping.surface.upper import BLANK_UPPER, UPPER, Uppers, heights_m, see_uppers
 from core.motion.attitude import AttitudeRing
 from core.motion.track import Track
 from core.records import F64, I32, I64, U8, UNKNOWN, PointSweep, Scan
@@ -47,7 +48,7 @@ EVIDENCE = {  # fields of a cell, by what they tell
 @kernel
 def take_sweep(
     first: Beams, behind: Beams, passed_s: float, rolled_s: float, guess: int, surface: Surface,
-    room: Room, shown: Shown, used: int,
+    shown: Shown, used: int,
 ) -> tuple[int, int]:  # fmt: skip
     """A sweep's first echoes, and what ends behind those; the first ones alone set it right.
 
@@ -62,21 +63,21 @@ def take_sweep(
     touched = surface.touched
     touched.used[0] = 0
     surface.now[0].scan += 1
-    roll_on(rolled_s, surface, room)
+    roll_on(rolled_s, surface)
     count = hold(first, surface)
     find_faces(first.returns, surface.limits.is_plane)
-    agree(first.returns, guess, surface.limits, room.bins)
+    agree(first.returns, guess, surface)
     find_witnesses(first, surface)
-    set_right(first.returns, passed_s, surface, room)
+    set_right(first.returns, passed_s, surface)
     end_beams(first, surface)
     see_uppers(first.returns, surface)
     if behind.returns.size > 0:
         count += hold(behind, surface)
         find_faces(behind.returns, surface.limits.is_plane)
-        set_right(behind.returns, passed_s, surface, room)
+        set_right(behind.returns, passed_s, surface)
         end_beams(behind, surface)
         see_uppers(behind.returns, surface)
-    follow_beams(first, surface, room.places)
+    follow_beams(first, surface)
     spread_ties(surface)
     return count, decide_cells(touched.at[: touched.used[0]], surface, shown, used)
 
@@ -133,9 +134,9 @@ class SurfaceMaps:
         self._geometry = BeamGeometry.of(scanner)
         self.grid = RingGrid(config.map.cells, config.map.cell_m)
         self.cells: cells.Cells = self.grid.layer(CELL, cells.BLANK)
-        self._maybe_uppers: Uppers | None = None
+        uppers = NO_UPPERS
         if config.map.filter_heights:
-            self._maybe_uppers = self.grid.layer(UPPER, BLANK_UPPER).reshape(-1)
+            uppers = with_fields(self.grid.layer(UPPER, BLANK_UPPER).reshape(-1))
         self.window = ObstacleWindow(window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
@@ -143,7 +144,8 @@ class SurfaceMaps:
         self._limits = limits_of(config, are_pictures)
         self._stood: BodyPose | None = None  # where its map began, until it moves
         self._moved = False
-        uppers = self._maybe_uppers
+        h_pos_m = self._limits.h_pos_m
+        self._heights = Heights(self.grid, self.cells, uppers, self.static_rad, h_pos_m)
         self._surface = Surface(
             cells=with_fields(self.cells.reshape(-1)),
             tall=self.grid.layer(np.uint8, 0).reshape(-1),
@@ -155,13 +157,12 @@ class SurfaceMaps:
             own=self._error.own,
             P=self._error.P,
             touched=Touched.none(self.cells.size),
-            planes=records(cells.PLANE, cells.PLANES * cells.PLANES),
             now=records(cells.NOW),
-            uppers=records(UPPER, 0) if uppers is None else with_fields(uppers),
+            uppers=uppers,
+            room=Room.none(),
         )
         self._returns = [records(RETURN, beams) for _ in range(2)]
-        for echo in self._returns:
-            echo["witness"] = -1
+        self._returns[1]["witness"] = -1  # second echoes tell nothing of the sweep
         self._arm_m = scanner.mount_x_m
         self._faces = FaceMatcher(self.grid, beams)
         self._anchored = False  # some ground is tied to that under the wheels
@@ -189,7 +190,7 @@ class SurfaceMaps:
         self.fresh.follow(rays.t_s, body.x_m, body.y_m, body.heading)
         surface, window = self._stand(body._replace(slopes=self._sway.slopes)), self.window
         entered = window.follow_in(self.grid, body.x_m, body.y_m)
-        shown, room = window.shown, self._error.room
+        shown = window.shown
         if entered.size:
             window.used = decide_cells(entered, surface, shown, window.used)
         n, ranges_m = len(rays.rays), rays.ranges_m
@@ -199,7 +200,7 @@ class SurfaceMaps:
         )
         guess, rolled_s = LOOSE if self._anchored else TIED, passed_s if driven_m else 0.0
         count, window.used = self._take(
-            first, behind, passed_s, rolled_s, guess, surface, room, shown, window.used
+            first, behind, passed_s, rolled_s, guess, surface, shown, window.used
         )
         if not self._anchored:
             seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]
@@ -240,7 +241,7 @@ class SurfaceMaps:
 
     def heights_m(self) -> F64:
         """Heights (size, size) of the grid, map frame: what stands, else the ground; NaN: none."""
-        told_m, _ = heights_m(self.cells.reshape(-1), self._maybe_uppers, self.static_rad)
+        told_m, _ = self._heights.told_at(np.arange(self.cells.size))
         return told_m.reshape(self.cells.shape)
 
     def ages_s(self, i: I64, j: I64) -> F64:
@@ -250,8 +251,7 @@ class SurfaceMaps:
 
     def maybe_ring(self, name: str) -> layers.RingLayer | None:
         """A layer by its name; none where there is none."""
-        of = self.cells, self._maybe_uppers, self.static_rad, self.grid
-        return layers.maybe_surface_ring(name, *of)
+        return self._heights.maybe_ring(name)
 
     def maybe_ground_grid(self) -> RingGrid:
         """That of the cells."""
@@ -259,12 +259,11 @@ class SurfaceMaps:
 
     def ground_at(self, at: I64) -> Ground:
         """What feet may stand on, at flat indices (n,)."""
-        return layers.surface_ground(self.cells, self.static_rad, self.grid, at)
+        return self._heights.ground_at(at)
 
     def filled_at(self, at: I64) -> Ground:
         """The same, and there what lies around tells of cells that were not measured."""
-        h_pos_m = self._limits.h_pos_m
-        return layers.filled_ground(self.cells, self.static_rad, self.grid, h_pos_m, at)
+        return self._heights.filled_at(at)
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell, by what it counts."""

@@ -16,7 +16,7 @@ from core.mapping.surface.constants import *
 from core.mapping.surface.error import arms_m2, parted_m2
 from core.mapping.surface.evidence import expect, lower, vote
 from core.mapping.surface.sweep import Beams, noise_m2, reach, upright_line
-from core.records import F64, I32
+from core.records import F64
 from jit import Record, kernel
 
 
@@ -119,15 +119,15 @@ def _see_beyond(cell: Record, one: Record, surface: Surface) -> None:
 
 
 @kernel
-def _pass_through(b: int, beams: Beams, surface: Surface, places: I32) -> None:
+def _pass_through(b: int, beams: Beams, surface: Surface) -> None:
     """Along a beam: where something stood at its height, and does not stop it, it may be gone."""
     lens, ray, end, ring = beams.lenses[b], beams.rays[b], beams.ranges_m[0, b], surface.ring
-    window = (ring.corner_i, ring.corner_j, ring.size, ring.cell_m)
-    tall, seen_s, first_m = surface.tall, surface.seen_s, first_place_m(b, surface.now[0].scan)
+    tall, seen_s, places = surface.tall, surface.seen_s, surface.room.places
+    first_m = first_place_m(b, surface.now[0].scan)
     # on its way up, what comes in would stop the beam as little
     oldest_s = surface.oldest_s if ray[2] < 0.0 else math.inf
     lens_z, rise = upright_line(lens, ray, surface)
-    for k in range(places_along(lens, ray, first_m, end - THING_M, window, places)):
+    for k in range(places_along(lens, ray, first_m, end - THING_M, ring, places)):
         at = places[k]
         if at < 0:
             continue
@@ -166,8 +166,8 @@ def _miss(lens: F64, ray: F64, surface: Surface) -> None:
 
 
 @kernel
-def follow_beams(beams: Beams, surface: Surface, places: I32) -> None:
-    """What all beams pass on their way to their ends. places (MOST_PLACES,): room for those."""
+def follow_beams(beams: Beams, surface: Surface) -> None:
+    """What all beams pass on their way to their ends."""
     ranges_m, count = beams.ranges_m[0], beams.returns.size
     first = back = 0  # of the beams in a row that did not come back, and the one behind them
     for b in range(count):
@@ -187,4 +187,4 @@ def follow_beams(beams: Beams, surface: Surface, places: I32) -> None:
         if one.kind not in (sweep.HIGH, sweep.NONE):
             _pass_low(b, end, beams, surface)
         if (b + surface.now[0].scan) % 2 == 0:  # the others in the next scan
-            _pass_through(b, beams, surface, places)
+            _pass_through(b, beams, surface)

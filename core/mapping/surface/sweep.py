@@ -1,14 +1,9 @@
 """One sweep against the ground: what each return is held against, and what tells how far it is off.
 
-A return at range r, whose ray has the slope f (its z), is off in height by
+A return is held against the ground of its cell, or what `plane_at` or `reach` tell of that; its own
+noise is that of range, attitude and lens (`noise_m2`).
 
-    sigma^2 = (sigma_r f)^2 + (SIGMA_ANGLE_RAD r)^2 (1 - f^2) + lens^2
-
-sigma_r is the scanner's own; lens^2 is by how much the lens is lifted where the wheels roll over
-what is uneven. Ground where none was measured is that of its neighbours, or reaches there along the
-beam, d metres, with a share kept = 1 / (1 + d / CARRY_M) of its slope.
-
-Source: docs/method.md, section 3.
+Source: docs/method.md, sections 2 and 3.
 """
 
 import math
@@ -64,7 +59,10 @@ def sigma_of(r: float, limits: cells.Limits) -> float:
 
 @kernel
 def noise_m2(r: float, fall: float, lens_m2: float, limits: cells.Limits) -> float:
-    """Variance of a return's height: range along the beam, attitude across it, the lens."""
+    """Variance of a return's height: range along the beam, attitude across it, the lens.
+
+    fall: z of the ray. lens_m2: by how much the lens is lifted where wheels roll over bumps.
+    """
     along, across = sigma_of(r, limits) * fall, SIGMA_ANGLE_RAD * r
     return along * along + across * across * (1.0 - fall * fall) + lens_m2
 
@@ -212,11 +210,12 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
 
 
 @kernel
-def agree(returns: Records, tied: int, limits: cells.Limits, bins: F64) -> None:
+def agree(returns: Records, tied: int, surface: Surface) -> None:
     """Where ground is a guess for most returns, those are floor of which most lie at one height.
 
-    It is tied to what `tied` says. bins (BINS,): room to count in.
+    It is tied to what `tied` says.
     """
+    limits, bins = surface.limits, surface.room.bins
     unsure, sure, guessed, edge = 0, 0, 0, 0.5 * limits.h_pos_m / WIDE
     bins[:] = 0.0
     for b in range(returns.size):

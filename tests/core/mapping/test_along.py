@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from core.grid.places import Ring
 from core.mapping.along import (
     MOST_PLACES,
     OUTSIDE,
@@ -17,7 +18,7 @@ from core.mapping.along import (
 )
 from core.mapping.rays import MIN_RANGE_M
 
-WINDOW = (1, -11, 8, 0.25)  # from (0.25, -2.75) to (2.25, -0.75)
+WINDOW = Ring(1, -11, 1, 5, 8, 0.25)  # from (0.25, -2.75) to (2.25, -0.75)
 DOWN = (0.0, 0.0, -1.0)
 
 
@@ -44,12 +45,14 @@ def test_each_place_lies_in_its_cell(
     found = cells(lens, ray, first_m, end_m)
     assert len(found) == max(0, math.ceil((end_m - first_m) / STEP_M))
     for k, at in enumerate(found):
-        u, v = ((lens[n] + (first_m + k * STEP_M) * ray[n]) / WINDOW[3] for n in (0, 1))
+        u, v = ((lens[n] + (first_m + k * STEP_M) * ray[n]) / WINDOW.cell_m for n in (0, 1))
         if min(abs(u - round(u)), abs(v - round(v))) < 1e-9:
             continue  # on the edge of a cell, to rounding
         i, j = math.floor(u), math.floor(v)
-        is_inside = 0 <= i - WINDOW[0] < WINDOW[2] and 0 <= j - WINDOW[1] < WINDOW[2]
-        assert at == (j % WINDOW[2] * WINDOW[2] + i % WINDOW[2] if is_inside else OUTSIDE)
+        is_inside = (
+            0 <= i - WINDOW.corner_i < WINDOW.size and 0 <= j - WINDOW.corner_j < WINDOW.size
+        )
+        assert at == (j % WINDOW.size * WINDOW.size + i % WINDOW.size if is_inside else OUTSIDE)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 from core.grid.ring import RingGrid
 from core.mapping.footing import Footing, Ground, footing_of
-from core.mapping.layers import surface_ground, view_of
+from core.mapping.heights.told import Heights
+from core.mapping.heights.upper import NO_UPPERS
+from core.mapping.layers import view_of
 from core.mapping.surface.cells import BLANK, CELL
 from core.mapping.surface.constants import LIKELY
 from tests.support.cases import examples
@@ -19,10 +21,10 @@ from tests.support.cases import examples
 F64 = npt.NDArray[np.float64]
 SIZE, CELL_M = 15, 0.1
 FOOT = Footing(radius_m=0.1, step_m=0.05, reach_m=0.4)
-Heights = dict[tuple[int, int], tuple[float, float]]  # of known cells: highest and lowest
+Columns = dict[tuple[int, int], tuple[float, float]]  # of known cells: highest and lowest
 
 
-def ground_of(heights: Heights, grid: RingGrid) -> Ground:
+def ground_of(heights: Columns, grid: RingGrid) -> Ground:
     """Of cells that count from the window's corner."""
     z_m, low_m = np.full((2, SIZE, SIZE), np.nan)
     for (i, j), (high, low) in heights.items():
@@ -31,7 +33,7 @@ def ground_of(heights: Heights, grid: RingGrid) -> Ground:
     return Ground(grid, z_m, low_m, np.zeros(z_m.shape))
 
 
-def judged(name: str, heights: Heights, footing: Footing = FOOT, shift: int = 0) -> F64:
+def judged(name: str, heights: Columns, footing: Footing = FOOT, shift: int = 0) -> F64:
     """(SIZE, SIZE), [i, j] from the window's corner."""
     grid = RingGrid(SIZE, CELL_M)
     grid.follow(shift * CELL_M, -2 * shift * CELL_M)
@@ -39,15 +41,15 @@ def judged(name: str, heights: Heights, footing: Footing = FOOT, shift: int = 0)
     return view_of(name, grid, lambda at: values[at]).values.T.astype(np.float64)
 
 
-def flat(z_m: float = 0.0) -> Heights:
+def flat(z_m: float = 0.0) -> Columns:
     return dict.fromkeys(itertools.product(range(SIZE), range(SIZE)), (z_m, z_m))
 
 
-def raised(where: list[tuple[int, int]], by_m: float) -> Heights:
+def raised(where: list[tuple[int, int]], by_m: float) -> Columns:
     return flat() | dict.fromkeys(where, (by_m, by_m))
 
 
-def plain_edge(heights: Heights, at: tuple[int, int], footing: Footing) -> float:
+def plain_edge(heights: Columns, at: tuple[int, int], footing: Footing) -> float:
     if at not in heights:
         return math.nan
     high_m, low_m = heights[at]
@@ -59,7 +61,7 @@ def plain_edge(heights: Heights, at: tuple[int, int], footing: Footing) -> float
     return 0.0 if high_m - low_m > footing.step_m else min(ways_m)
 
 
-def plain_foothold(heights: Heights, at: tuple[int, int], footing: Footing) -> float:
+def plain_foothold(heights: Columns, at: tuple[int, int], footing: Footing) -> float:
     """A plane by least squares through every cell that the foot touches; no edge a cell wider."""
     foot_m = max(footing.radius_m, 0.71 * CELL_M)
     under, about = [], set()
@@ -99,7 +101,7 @@ def test_each_cell_is_judged_as_plain_python_judges_it(
     share: float, sigma_m: float, rise: float, seed: int, shift: int, radius_m: float
 ) -> None:
     random, footing = np.random.default_rng(seed), FOOT._replace(radius_m=radius_m)
-    heights: Heights = {}
+    heights: Columns = {}
     for i, j in flat():
         if random.random() < share:
             z_m = rise * CELL_M * i + sigma_m * random.standard_normal()
@@ -211,7 +213,7 @@ def test_of_the_surface_soft_things_are_no_ground_and_low_beams_are_its_lowest()
     for cell in (soft, box):
         cell["stands"], cell["top_m"] = 1.0, 0.25
     soft["soft"], hole["under_m"] = LIKELY, -0.125
-    ground = surface_ground(cells, np.zeros(2), grid, np.arange(SIZE**2))
+    ground = Heights(grid, cells, NO_UPPERS, np.zeros(2), 0.1).ground_at(np.arange(SIZE**2))
     assert np.isnan([ground.z_m[3, 2], ground.low_m[3, 2]]).all()
     assert (ground.z_m[3, 3], ground.low_m[3, 3]) == (0.75, 0.75)
     assert (ground.z_m[3, 5], ground.low_m[3, 5]) == (0.5, 0.375)

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.grid.ring import RingGrid
-from core.mapping.footing import FOOTING
-from core.mapping.layers import FILL, UNITS, maybe_surface_ring, view_of
+from core.mapping.heights.told import LAYERS, Heights
+from core.mapping.heights.upper import NO_UPPERS
+from core.mapping.layers import view_of
 from core.mapping.surface.cells import BLANK, CELL, Cells
 from core.mapping.surface.constants import LIKELY
 from core.mapping.terrain import around, terrain_of
@@ -31,6 +32,7 @@ class Ground:
     def __init__(self) -> None:
         self.grid = RingGrid(SIZE, CELL_M)
         self.cells: Cells = self.grid.layer(CELL, BLANK)
+        self.heights = Heights(self.grid, self.cells, NO_UPPERS, np.zeros(2), h_pos_m=0.1)
 
     def put(self, i: int, j: int, z_m: float, relief_m: float = 0.0, **fields: float) -> Any:
         """Something that ends at a height, and stands so high over its ground; its record."""
@@ -43,7 +45,7 @@ class Ground:
 
     def ring(self, name: str) -> F64:
         """A layer (SIZE, SIZE), a ring as the cells."""
-        found = maybe_surface_ring(name, self.cells, None, np.zeros(2), self.grid)
+        found = self.heights.maybe_ring(name)
         assert found is not None
         return found[1](np.arange(SIZE * SIZE)).reshape(SIZE, SIZE)
 
@@ -159,8 +161,8 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     i, j = grid.cell_of(3.1, -2.1)
     cell = ground.put(i, j, 0.4, 0.1, var_m2=0.01, soft=LIKELY, under_m=-0.2)
     expected = {"height": 0.1, "variance": 0.01, "z": 0.4, "step": 0.3, "soft": 1}
-    for name in UNITS.keys() - {"state", *FOOTING, *FILL}:
-        found = maybe_surface_ring(name, ground.cells, None, np.zeros(2), grid)
+    for name in LAYERS:
+        found = ground.heights.maybe_ring(name)
         assert found is not None
         view = view_of(name, *found)
         assert view.name == name
@@ -173,4 +175,4 @@ def test_every_layer_can_be_asked_for_and_lies_where_its_corner_says() -> None:
     assert np.isfinite(ground.cells["var_m2"]).sum() == 1
     cell["soft"] = 0.0
     assert np.nanmax(ground.ring("soft")) == 0
-    assert maybe_surface_ring("colour", ground.cells, None, np.zeros(2), grid) is None
+    assert ground.heights.maybe_ring("colour") is None

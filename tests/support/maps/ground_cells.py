@@ -8,22 +8,21 @@ import numpy as np
 from core.grid.places import Ring, index_of
 from core.grid.touched import Touched
 from core.mapping.body import BodyPose
+from core.mapping.heights.upper import BLANK_UPPER, NO_UPPERS, UPPER, see_uppers
 from core.mapping.surface.cells import (
     BLANK,
     CELL,
     NOW,
     PART_BITS,
-    PLANE,
-    PLANES,
     TIED,
     Limits,
     Plane,
+    Room,
     Surface,
     plane_at,
 )
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.sweep import RETURN, Beams
-from core.mapping.surface.upper import BLANK_UPPER, UPPER, see_uppers
 from core.records import F64
 from jit import Records, records
 
@@ -86,9 +85,9 @@ class GroundCells:
             own=self.own,
             P=np.zeros((5, 5)),
             touched=self.touched,
-            planes=records(PLANE, PLANES * PLANES),
             now=records(NOW),
-            uppers=records(UPPER, 0),
+            uppers=NO_UPPERS,
+            room=Room.none(),
         )
 
     def filter_heights(self) -> Records:

@@ -9,15 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from core.mapping.body import BodyPose
-from core.mapping.surface.cells import BLANK, TIED
+from core.mapping.surface.cells import BLANK, STATES, TIED
 from core.mapping.surface.constants import FAST_S, SIGMA_STATIC_RAD
-from core.mapping.surface.error import STATES, SweepFilter, forget, jump, roll_on, set_right
+from core.mapping.surface.error import SweepFilter, forget, jump, roll_on, set_right
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_witnesses, hold
 from core.records import F64
 from jit import COMPILED, Records, records
-from tests.support.maps.ground_cells import FAR_M, LIMITS, GroundCells, standing
+from tests.support.maps.ground_cells import FAR_M, GroundCells, standing
 
 NOISE_M = 0.004
 SCAN_S = 0.04
@@ -67,7 +67,7 @@ class Witnesses:
             one["ahead_m"] = one["witness_ahead_m"] = ahead_m
             one["aside_m"] = one["witness_aside_m"] = aside
         surface = self.ground.surface._replace(stand=standing(t_s=t_s, way_m=travel_m))
-        set_right(returns, passed_s, surface, self.filter.room)
+        set_right(returns, passed_s, surface)
 
     def sigmas(self) -> F64:
         """The error of each state in its own sigmas."""
@@ -152,7 +152,7 @@ def turned(heading_rad: float, random: np.random.Generator, beams: Beams) -> Bod
 def test_an_hour_of_turning_on_the_spot_moves_nothing_away() -> None:
     random, ground, off = np.random.default_rng(5), GroundCells(101), SweepFilter()
     surface = ground.surface._replace(own=off.own, P=off.P)
-    n, touched, room = 61, ground.touched, off.room
+    n, touched = 61, ground.touched
     beams = Beams(np.empty((n, 3)), np.empty((n, 3)), np.empty((1, n)), records(RETURN, n), 9e-6)
     passed_s, worst_rad = 0.8, 0.0
     for k in range(int(3600 / passed_s)):
@@ -160,12 +160,12 @@ def test_an_hour_of_turning_on_the_spot_moves_nothing_away() -> None:
         surface = surface._replace(stand=stand._replace(t_s=k * passed_s))
         forget(passed_s, 0.0, off.own, off.P)
         hold(beams, surface)
-        agree(beams.returns, TIED, LIMITS, room.bins)
+        agree(beams.returns, TIED, surface)
         find_witnesses(beams, surface)
-        set_right(beams.returns, passed_s, surface, room)
+        set_right(beams.returns, passed_s, surface)
         touched.used[0] = 0
         end_beams(beams, surface)
-        follow_beams(beams, surface, room.places)
+        follow_beams(beams, surface)
         worst_rad = max(worst_rad, float(np.abs(off.own[1:3] + off.own[3:]).max()))
     seen = ground.cells["looks"] > 20
     assert seen.sum() > 1000
@@ -177,13 +177,13 @@ def test_an_hour_of_turning_on_the_spot_moves_nothing_away() -> None:
 @pytest.mark.parametrize("height_m", [0.012, -0.017, 0.031])
 def test_floor_that_most_returns_agree_on_lies_at_their_mean(height_m: float) -> None:
     """Not at the middle of the bins in which they are counted: that is off by up to half of one."""
-    random, room = np.random.default_rng(6), SweepFilter().room
+    random = np.random.default_rng(6)
     returns = records(RETURN, 200)
     returns["at"], returns["var_m2"] = 7, 1.0
     heights_m = height_m + random.normal(0.0, 0.004, 200)
     returns["height_m"] = returns["near_m"] = heights_m
     returns["height_m"][:40] += 0.3  # a thing
-    agree(returns, TIED, LIMITS, room.bins)
+    agree(returns, TIED, GroundCells().surface)
     assert abs(float(returns["height_m"][40:].mean())) < 1e-6
     assert (returns["tied"] == TIED).all()
 
@@ -222,7 +222,7 @@ def test_the_covariance_stays_one_whatever_happens(
             any_of.ground.cells["arm_m"][at] = 0.5 * travel_m
             stand = standing(0.1, 0.1, way_m=travel_m)._replace(z_m=1e-3 * z_mm)
             surface = any_of.ground.surface._replace(stand=stand)
-            roll_on(passed_s, surface, any_of.filter.room)
+            roll_on(passed_s, surface)
         assert np.isfinite(own).all()
         assert np.isfinite(P).all()
         size = np.abs(P).max()

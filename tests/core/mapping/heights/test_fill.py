@@ -8,11 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.grid.ring import RingGrid
-from core.mapping.layers import filled_ground
+from core.mapping.footing import Ground
+from core.mapping.heights.fill import FILL_M
+from core.mapping.heights.told import Heights
+from core.mapping.heights.upper import NO_UPPERS
 from core.mapping.surface.cells import BLANK, CELL, Cells
 from core.mapping.surface.constants import BEND, FLAT_M, LIKELY
-from core.mapping.surface.fill import FILL_M
-from core.records import F64
+from core.records import F64, I64
 from tests.support.cases import examples
 
 SIZE, CELL_M, H_POS_M = 61, 0.01, 0.03
@@ -33,9 +35,13 @@ def level(grid: RingGrid, z_m: float = 0.0) -> Cells:
     return cells
 
 
+def filled(cells: Cells, grid: RingGrid, at: I64) -> Ground:
+    return Heights(grid, cells, NO_UPPERS, np.zeros(2), H_POS_M).filled_at(at)
+
+
 def told(cells: Cells, grid: RingGrid) -> tuple[F64, F64]:
     """Heights and sigmas (size, size); of cells that were measured 0."""
-    ground = filled_ground(cells, np.zeros(2), grid, H_POS_M, np.arange(SIZE**2))
+    ground = filled(cells, grid, np.arange(SIZE**2))
     return ground.z_m, ground.sigma_m
 
 
@@ -95,7 +101,7 @@ def test_nothing_is_told_beyond_the_last_ground_nor_far_from_any() -> None:
     cells = far.layer(CELL, BLANK)
     edge = round(FILL_M / CELL_M)
     cells[:, : 50 - edge], cells[:, 51 + edge :] = level(far)[0, 0], level(far)[0, 0]
-    ground = filled_ground(cells, np.zeros(2), far, H_POS_M, np.arange(101**2))
+    ground = filled(cells, far, np.arange(101**2))
     assert np.isnan(ground.z_m[50, 50])
 
 
@@ -130,6 +136,6 @@ def test_what_is_filled_lies_between_what_was_measured_wherever_the_map_lies(
     assert (sigma_m[is_new] >= math.sqrt(VAR_M2 + FLAT_M**2) - 1e-9).all()
     np.testing.assert_array_equal(z_m[cells["looks"] > 0], cells["ground_m"][cells["looks"] > 0])
     here = np.arange(SIZE**2)[random.random(SIZE**2) < 0.05]  # who asks for some gets the same
-    some = filled_ground(cells, np.zeros(2), grid, H_POS_M, here)
+    some = filled(cells, grid, here)
     np.testing.assert_array_equal(some.z_m.ravel()[here], z_m.ravel()[here])
     np.testing.assert_array_equal(some.sigma_m.ravel()[here], sigma_m.ravel()[here])

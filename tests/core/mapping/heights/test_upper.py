@@ -6,22 +6,26 @@ import numpy as np
 import pytest
 
 from core.grid.ring import RingGrid
-from core.mapping.layers import maybe_surface_ring
+from core.mapping.heights.told import Heights
+from core.mapping.heights.upper import NO_UPPERS, see_uppers
 from core.mapping.surface.constants import MOST
 from core.mapping.surface.evidence import vote
 from core.mapping.surface.maps import SurfaceMaps
 from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, NONE
-from core.mapping.surface.upper import heights_m, see_uppers
+from core.records import F64
 from jit import Records, records
-from tests.support.maps.ground_cells import NOISE_M2, GroundCells, met
+from tests.support.maps.ground_cells import LIMITS, NOISE_M2, GroundCells, met
 from tests.support.robot.shipped import shipped
 
 LEVEL = np.zeros(2)
 
 
-def told_m(ground: GroundCells, at: int, uppers: Records | None) -> tuple[float, float]:
-    some = None if uppers is None else uppers[[at]]
-    (height_m,), (var_m2,) = heights_m(ground.cells[[at]], some, LEVEL)
+def heights(ground: GroundCells, uppers: Records, static_rad: F64 = LEVEL) -> Heights:
+    return Heights(RingGrid(41, 0.2), ground.cells, uppers, static_rad, LIMITS.h_pos_m)
+
+
+def told_m(ground: GroundCells, at: int, uppers: Records) -> tuple[float, float]:
+    (height_m,), (var_m2,) = heights(ground, uppers).told_at(np.array([at]))
     return float(height_m), float(var_m2)
 
 
@@ -46,7 +50,7 @@ def test_what_stands_is_as_high_as_returns_agree(
     assert told_m(ground, at, uppers)[0] == pytest.approx(filtered_m, abs=1e-6)
     assert uppers["below_m"][at] == pytest.approx(below_m)
     assert ground.cells["top_m"][at] == pytest.approx(max(returns_m))  # by this it is decided
-    assert told_m(ground, at, None)[0] == pytest.approx(max(returns_m))
+    assert told_m(ground, at, NO_UPPERS)[0] == pytest.approx(max(returns_m))
 
 
 def test_one_return_over_floor_leaves_the_height_unknown_until_another_agrees() -> None:
@@ -70,7 +74,7 @@ def test_a_return_over_ground_that_is_a_guess_has_a_height_and_is_nothing_else()
     assert met(ground, 20.0, 0.41, -0.05)["kind"][0] == NONE
     told = {}
     for name in ("z", "height", "variance"):
-        ring = maybe_surface_ring(name, ground.cells, uppers, LEVEL, RingGrid(41, 0.2))
+        ring = heights(ground, uppers).maybe_ring(name)
         assert ring is not None
         [told[name]] = ring[1](np.array([at]))
     assert told["z"] == pytest.approx(-0.05)
@@ -111,7 +115,8 @@ def test_what_the_attitude_is_always_wrong_by_is_taken_out_as_it_is_read() -> No
     at = ground.lay(2, 0, 0.0, looks=0, stands=0.0)
     met(ground, 20.0, 0.41, 0.5)  # 5 m ahead
     told = [
-        heights_m(ground.cells[[at]], uppers[[at]], np.array(s)) for s in ((0.01, -0.02), (0, 0))
+        heights(ground, uppers, np.array(s)).told_at(np.array([at]))
+        for s in ((0.01, -0.02), (0, 0))
     ]
     assert told[0][0] == pytest.approx(0.5)
     assert told[1][0] == pytest.approx(0.5 + 0.01 * 5.0)
@@ -130,6 +135,6 @@ def test_whether_something_is_soft_is_told_without_its_height() -> None:
     at = ground.lay(2, 0, 0.0, stands=0.5)
     met(ground, 20.0, 0.41, 0.5)
     assert math.isnan(told_m(ground, at, uppers)[0])
-    ring = maybe_surface_ring("soft", ground.cells, uppers, LEVEL, RingGrid(41, 0.2))
+    ring = heights(ground, uppers).maybe_ring("soft")
     assert ring is not None
     assert ring[1](np.array([at])) == [0.0]

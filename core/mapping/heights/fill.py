@@ -1,21 +1,18 @@
 """Heights where no beam met the ground, and how well they are told; worked out when somebody asks.
 
 From a cell the first measured one is looked for in eight directions, as far as the model of terrain
-looks. Those lower than the lowest of them and h_pos are its ground; with weights as in that model:
+looks. Those lower than the lowest of them and h_pos are its ground, with weights as in that model;
+what rises in another direction is a doubt. No slope is filled between ground and an edge: what is
+not seen there lies in its lee, as a rule on the ground. Where less than half of the directions tell
+ground, it is but a gap in what is higher, and all directions count. Refuses to tell a height where
+less than half of them have any, where a beam was under the ground, and of what is soft. What is
+filled frees no cell.
 
-    w_k = 1 / (var_k + q(d_k) + FLAT^2),   z = sum w_k z_k / sum w_k
-    sigma^2 = 1 / max w_k + sum w_k (z_k - z)^2 / sum w_k + max slope_n^2
-    slope_n = (z_n - z) d / (d + d_n)     what rises in another direction; d: to the nearest ground
-
-No slope is filled between ground and an edge: what is not seen there lies in its lee, as a rule on
-the ground. But the height that such a slope would have is one sigma. Where less than half of the
-directions tell ground, it is but a gap in what is higher, and all directions count. Refuses to tell
-a height where less than half of them have any, where a beam was under the ground, and of what is
-soft. What is filled frees no cell.
 Source: docs/method.md, section 5.
 """
 
 import math
+from typing import Any
 
 from core.grid.places import Ring, index_of, world_cell
 from core.mapping.surface.cells import Cells, grown
@@ -36,9 +33,12 @@ def _height_of(cell: Record, static_rad: F64) -> float:
     return float(ground) if cell.looks > 0 else math.nan
 
 
-@kernel
-def _is_soft(cell: Record) -> bool:
-    return bool(cell.stands > 0.0 and cell.soft >= LIKELY)
+def is_soft(of: Any) -> Any:
+    """Whether what stands there lets beams in: of a cell, or of cells (n,)."""
+    return (of["stands"] > 0.0) & (of["soft"] >= LIKELY)
+
+
+_is_soft = kernel(is_soft)
 
 
 @kernel
@@ -97,19 +97,16 @@ def fill(
     listed: I64, cells: Cells, static_rad: F64, ring: Ring, h_pos_m: float,
     ways: F64, z_m: F64, low_m: F64, sigma_m: F64,
 ) -> None:  # fmt: skip
-    """Measured and filled heights of cells, as `Ground` has them; NaN where nothing tells.
+    """Fill the heights of cells that were not measured; NaN stays where nothing tells them.
 
     Args:
         listed: (n,) flat indices.
         static_rad: (2,) what pitch and roll are always wrong by.
         ways: (WAYS, 3) room.
-        z_m, low_m, sigma_m: (cells,); those of the listed cells are filled.
+        z_m, low_m, sigma_m: (cells,) of a `Ground`; NaN, NaN and 0 of those not measured.
     """
     for at in listed:
         cell = cells[at]
-        z_m[at] = low_m[at] = math.nan if _is_soft(cell) else _height_of(cell, static_rad)
-        sigma_m[at] = 0.0
-        low_m[at] += min(0.0, cell.under_m)
         if math.isnan(z_m[at]) and cell.under_m == math.inf and not _is_soft(cell):
             found = _look(at, cells, static_rad, ring, ways)
             if found >= LEAST_WAYS:

@@ -24,7 +24,7 @@ from core.paths.cleaning.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
-from core.paths.cleaning.seen_floor import SeenFloor
+from core.paths.cleaning.seen_floor import SeenFloor, SweptFloor
 from core.paths.coverage.plan import plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
@@ -84,7 +84,7 @@ class Cleaning:
         self._dock = dock
         at = dock[0], dock[1]
         self.floor = SeenFloor(at, s.size_m, s.cell_m, s.seen_frames)
-        self.clean = SeenFloor(at, s.size_m, s.cell_m, 1)
+        self.clean = SweptFloor(at, s.size_m, s.cell_m)
         lane = np.array([[0.0, -1.0], [1.0, -1.0], [1.0, 1.0], [0.0, 1.0]])
         lane *= [s.start_clear_m, s.machine.radius_m + LANE_CLEAR_M]
         c, sin = math.cos(dock[2]), math.sin(dock[2])

@@ -24,7 +24,7 @@ from core.paths.cleaning.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
-from core.paths.cleaning.seen_floor import SeenFloor
+from core.paths.cleaning.seen_floor import SeenFloor, SweptFloor
 from core.paths.coverage.plan import plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
@@ -42,7 +42,7 @@ WON_M2 = 0.1  # of floor, seen or clean: less is no progress
 GRAZING_M = 0.1  # from things to the line along which it looks past them
 GAP_M = 0.12  # from the end of a view to what it ends at, at most
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
-SPECK_CELLS = 3  # that are not clean: so few are left at the border of any band
+SPECK_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
 PARTED_M2, PARTED_LOOKS = 1.0, 8  # of places that are parted off: so often it turns and looks again
@@ -84,7 +84,7 @@ class Cleaning:
         self._dock = dock
         at = dock[0], dock[1]
         self.floor = SeenFloor(at, s.size_m, s.cell_m, s.seen_frames)
-        self.clean = SeenFloor(at, s.size_m, s.cell_m, 1)
+        self.clean = SweptFloor(at, s.size_m, s.cell_m)
         lane = np.array([[0.0, -1.0], [1.0, -1.0], [1.0, 1.0], [0.0, 1.0]])
         lane *= [s.start_clear_m, s.machine.radius_m + LANE_CLEAR_M]
         c, sin = math.cos(dock[2]), math.sin(dock[2])
@@ -116,7 +116,7 @@ class Cleaning:
         x, y, yaw = place
         at = x + AHEAD_M * math.cos(yaw), y + AHEAD_M * math.sin(yaw)
         tool = disc(at, self.settings.machine.width_m / 2)
-        return self.clean.count_below(tool) > SPECK_CELLS
+        return self.clean.count_below(tool) * self.settings.cell_m**2 > SPECK_M2
 
     def free(self, things: Sequence[Polygon]) -> BaseGeometry:
         """Where the machine's outline may be: seen, or hidden by a thing; and away from things."""

@@ -183,6 +183,27 @@ class SeenFloor:
         return MultiPolygon(polygons_in(shapely.make_valid(shapely.simplify(inside, off_m))))
 
 
+class SweptFloor(SeenFloor):
+    """The same of floor that bands have swept: a cell is clean once all its corners were swept.
+
+    By whichever bands: so there is no seam of cells between two that overlap.
+    """
+
+    def __init__(self, middle: tuple[float, float], size_m: float, cell_m: float) -> None:
+        super().__init__(middle, size_m, cell_m, 1)
+        self._corners = np.zeros_like(self._nodes)
+
+    def add(self, view: F64) -> None:
+        """A band's outline (n, 2)."""
+        window, nodes = self._within(view)
+        rows, across = (slice(part.start, part.stop + 1) for part in window)
+        corners = self._corners[rows, across]
+        corners |= nodes
+        whole = corners[:-1, :-1] & corners[1:, :-1] & corners[:-1, 1:] & corners[1:, 1:]
+        self._use(window)
+        self.count[window][whole == 1] = 1
+
+
 def _ring(polygon: Polygon) -> F64:
     ring: F64 = shapely.get_coordinates(polygon.exterior)[:-1]
     return ring

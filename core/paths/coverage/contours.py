@@ -12,6 +12,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from core.paths.coverage.corners import with_few_corners
 from core.paths.coverage.measures import swept_by
 from core.paths.coverage.raster import NONE, Raster, edges_along
 from core.paths.coverage.sweep import Piece, Sweeper
@@ -20,7 +21,8 @@ from core.paths.geometry.space import grown, opened, polygons_in
 from core.paths.records import Machine
 from core.records import F64
 
-ENTRIES = 8  # places at most at which a contour may be begun and left
+ENTRIES = 24  # places at most at which a contour may be begun and left
+ROUND = 0.03  # of the spacing: by about that the outermost is off what bulges into the area
 SMOOTH = 0.02  # of the spacing: corners of contours may move by that
 CORNER = 2.0  # spacings from a contour to the corner of the next one, at most
 LEAST = 0.1  # of what it would win in the open: a contour that wins less is left out
@@ -33,7 +35,7 @@ SHUT_M = 1e-6  # between the ends of a contour
 def contours_of(area: Polygon, spacing_m: float) -> list[F64]:
     """Closed lines (n, 2), the outermost ones first: that of the area, and each inside of it."""
     found: list[F64] = []
-    layer = [area]
+    layer = [with_few_corners(area, ROUND * spacing_m)]
     while layer:
         for one in layer:
             found += [shapely.get_coordinates(r) for r in (one.exterior, *one.interiors)]
@@ -62,7 +64,7 @@ def contour_pieces(
             if raster.area(raster.gain(NONE, edges)) > LEAST * width_m * length_of(line):
                 raster.gain(NONE, edges, keep=True)
                 lines.append(line)
-    found = [Piece(_entries(line, spacing_m)) for line in lines]
+    found = [Piece((line,)) for line in lines]
     if clean.is_empty:
         return found
     left = _without(MultiPolygon(list(todo)), swept_by(lines, width_m / 2))
@@ -85,7 +87,7 @@ def _clean_beside(part: Polygon, todo: Sequence[Polygon], width_m: float) -> Bas
     return shapely.buffer(swept, -SLIVER * width_m)
 
 
-def _entries(line: F64, spacing_m: float) -> tuple[F64, ...]:
+def entries_of(line: F64, spacing_m: float) -> tuple[F64, ...]:
     """The same contour, begun at some places."""
     ring = Ring(line)
     count = max(1, min(ENTRIES, int(ring.length_m / spacing_m)))

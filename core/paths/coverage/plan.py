@@ -19,7 +19,7 @@ from core.paths.coverage.patches import nearest_in, wall_strokes
 from core.paths.coverage.raster import NONE, Raster, edges_along
 from core.paths.coverage.refine import Refiner, modes_of
 from core.paths.coverage.sweep import QUARTER, Piece, Sweeper, rotated, turned
-from core.paths.coverage.tours import graph_of, linked, ordered, snapped
+from core.paths.coverage.tours import graph_of, linked, looped, ordered, snapped
 from core.paths.geometry.rings import Walls, length_of
 from core.paths.geometry.space import FloorError, grown, largest, narrowed, polygons_in, repaired
 from core.paths.geometry.visibility import VisibilityGraph
@@ -31,7 +31,7 @@ STROKE = (
 )
 STROKE_ROUNDS = 2
 PRICES = (  # what a change must win, of what a lane in the open does; rows are tried in turn
-    (0.4, 0.15, 0.07),
+    (0.4, 0.2, 0.1, 0.07),
     (0.3, 0.12, 0.05),
 )
 WORTH = 0.08  # at that price plans are compared
@@ -216,7 +216,10 @@ class _Work:
         if self._toured is None:
             self._strokes()
             graph = graph_of(self._space)
-            groups = [snapped(group, self._space) for group in self._groups]
+            spacing_m = self._machine.spacing_m
+            groups = [
+                looped(snapped(group, self._space), graph, spacing_m) for group in self._groups
+            ]
             lines = ordered(groups, graph, start, end) if any(groups) else []
             self._toured = graph, lines
         return self._toured

@@ -10,8 +10,7 @@ from core.paths.coverage.raster_kernels import exchange
 from core.paths.coverage.scan import edges_of, spans_at
 from core.records import F64
 
-COARSE, FINE = 12, 18  # cells across the band, at least; and at most, on small floors
-CAUTION = 0.15  # of a cell, off the reach: what is thinner than a cell is hardly counted
+COARSE, FINE = 14, 18  # cells across the band, at least; and at most, on small floors
 USUAL = 60_000  # cells of the target
 MOST = 3_000_000  # cells; a larger floor has larger ones
 NONE = np.empty((0, 4))
@@ -33,7 +32,7 @@ class Raster:
         fine_m = min(max(wanted_m, width_m / FINE), width_m / COARSE)
         self.cell_m = max(fine_m, math.sqrt(float(size_m.prod()) / MOST))
         columns, rows = np.ceil(size_m / self.cell_m).astype(int) + 1
-        self.grid = np.array([*self._low, self.cell_m, width_m / 2 - CAUTION * self.cell_m])
+        self.grid = np.array([*self._low, self.cell_m, width_m / 2])
         self.is_target = np.zeros((rows, columns), dtype=bool)
         for polygon in target:
             self._fill(edges_of(polygon))

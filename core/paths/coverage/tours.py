@@ -7,6 +7,8 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
+from core.paths.coverage.contours import entries_of
+from core.paths.coverage.loops import joined_loops
 from core.paths.coverage.order import Tour
 from core.paths.coverage.patches import nearest_in
 from core.paths.coverage.sweep import Piece
@@ -50,6 +52,18 @@ def snapped(pieces: Sequence[Piece], space: Polygon) -> list[Piece]:
     return [Piece(tuple(nearest_in(space, way) for way in piece.variants)) for piece in pieces]
 
 
+def looped(pieces: Sequence[Piece], graph: VisibilityGraph, spacing_m: float) -> list[Piece]:
+    """Closed lines that lie side by side as one piece each; then the other pieces as they are."""
+    is_closed = [_is_closed(piece.variants[0]) for piece in pieces]
+    lines = [p.variants[0] for p, closed in zip(pieces, is_closed, strict=True) if closed]
+    loops = [Piece(entries_of(one, spacing_m)) for one in joined_loops(lines, graph, spacing_m)]
+    return loops + [p for p, closed in zip(pieces, is_closed, strict=True) if not closed]
+
+
+def _is_closed(line: F64) -> bool:
+    return math.dist(line[0], line[-1]) < SHUT_M
+
+
 def ordered(
     groups: Sequence[Sequence[Piece]], graph: VisibilityGraph, start: F64 | None, end: F64 | None
 ) -> list[list[F64]]:
@@ -64,7 +78,7 @@ def ordered(
         for piece in group:
             variants = []
             for way in piece.variants:
-                is_closed = math.dist(way[0], way[-1]) < SHUT_M
+                is_closed = _is_closed(way)
                 a, metres = len(points), length_of(way)
                 b = a if is_closed else a + 1
                 variants += [(a, b, metres), (b, a, metres)]

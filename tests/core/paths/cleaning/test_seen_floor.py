@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from core.paths.cleaning.seen_floor import SeenFloor
+from core.paths.cleaning.seen_floor import SeenFloor, SweptFloor
 
 CELL_M, LEAST = 0.05, 2
 random = np.random.default_rng(5)
@@ -77,3 +77,15 @@ def test_outside_and_without_sense_nothing_is_free() -> None:
         floor.add(view)
         floor.doubt(view)
     assert floor.free().is_empty
+
+
+def test_bands_that_overlap_leave_no_seam_between_them_and_clean_nothing_beside_them() -> None:
+    floor = SweptFloor((0.0, 0.0), 6.0, CELL_M)
+    bands = [shapely.box(-2.0, low, 2.0, low + 0.62) for low in (-1.01, -0.40, 0.21)]
+    for band in bands:
+        floor.add(shapely.get_coordinates(band)[:-1])
+    swept = shapely.union_all(bands)
+    assert swept.covers(floor.area().buffer(-1e-9))
+    assert swept.buffer(-CELL_M, join_style="mitre").difference(floor.area()).area < 1e-9
+    floor.add(np.array([[2.5, 2.5], [np.nan, 2.5], [2.5, 2.9]]))  # no outline: nothing is swept
+    assert swept.covers(floor.area().buffer(-1e-9))

@@ -82,6 +82,7 @@ class Odometry:
         self.breaks = 0
         self.broken_by = ""  # why it broke last, in words
         self.maybe_shift: Shift | None = None
+        self._counted = False  # both counters moved in the newest interval
         self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
 
     @property
@@ -221,7 +222,8 @@ class Odometry:
             hidden = "the attitude" if blind else "the wheels' counters"
             self._break(counts.t_s, f"the robot moved while {hidden} stayed away")
             return
-        moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
+        steps = abs(counts.left - last.left), abs(counts.right - last.right)
+        moved, self._counted = max(steps) > STILL_COUNTS, min(steps) > STILL_COUNTS
         self._attitudes.orientation.note_wheels(
             last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
         )
@@ -285,7 +287,9 @@ class Odometry:
     def _maybe_shift(self, last: WheelCounts, counts: WheelCounts) -> Shift | None:
         """Where the body is, whose counters began anew between both; None: nobody knows."""
         is_one = counts.restarts == last.restarts + 1 and not counts.by_other
-        if not is_one or self._robot is None:
+        # counters that stood still may have been stuck: then they jump by what they did not tell
+        may_tell = counts.unpowered or self._counted
+        if not (is_one and may_tell) or self._robot is None:
             return None
         v_mps, fastest_mps = self.v_mps, self._robot.max_speed_mps
         speeds_mps = v_mps, v_mps
@@ -309,6 +313,7 @@ class Odometry:
         self.wheels.restart()
         self._blind.restart()
         self.v_mps = self.w_radps = 0.0
+        self._counted = False
         self.breaks, self.broken_by, self.maybe_shift = self.breaks + 1, why, shift
 
     # From a positioning system

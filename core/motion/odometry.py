@@ -55,11 +55,9 @@ class Odometry:
         on_rail: bool = False,
         robot: Robot | None = None,
     ) -> None:
-        """A new one.
+        """`on_rail`: the left counter tells the way, along a straight line.
 
-        Args:
-            on_rail: the left counter tells the way, along a straight line.
-            robot: bounds how far it can have gone while nobody counted; None: no bound.
+        robot: bounds how far it can have gone while nobody counted; None: nothing does.
         """
         self._robot = robot
         self._on_rail, self._course_rad, self._is_off = on_rail, 0.0, False
@@ -287,16 +285,11 @@ class Odometry:
     def _maybe_shift(self, last: WheelCounts, counts: WheelCounts) -> Shift | None:
         """Where the body is, whose counters began anew between both; None: nobody knows."""
         is_one = counts.restarts == last.restarts + 1 and not counts.by_other
-        # counters that stood still may have been stuck: then they jump by what they did not tell
-        may_tell = counts.unpowered or self._counted
-        if not (is_one and may_tell) or self._robot is None:
+        # those that stood still may have been stuck: then they jump by what they did not tell
+        if not is_one or not (counts.unpowered or self._counted) or self._robot is None:
             return None
-        v_mps, fastest_mps = self.v_mps, self._robot.max_speed_mps
-        speeds_mps = v_mps, v_mps
-        if self.wheels.slipping:  # they tell the sense alone
-            speeds_mps = (0.0, fastest_mps) if v_mps >= 0.0 else (-fastest_mps, 0.0)
-        owed_m = math.hypot(*self._state.value[[X, Y]].tolist())
-        gap = Gap(last.t_s, counts.t_s, speeds_mps, owed_m, counts.unpowered)
+        owed_m, slips = math.hypot(*self._state.value[[X, Y]].tolist()), self.wheels.slipping
+        gap = Gap(last.t_s, counts.t_s, self.v_mps, slips, owed_m, counts.unpowered)
         return maybe_shift(gap, self._attitudes, self.yaw_start_rad, self._robot)
 
     def _break(self, t_s: float, why: str, shift: Shift | None = None) -> None:

@@ -31,7 +31,8 @@ class Gap(NamedTuple):
 
     from_s: float  # newest counts before it,
     to_s: float  # and first ones behind
-    v_mps: tuple[float, float]  # before it, between these
+    v_mps: float  # by the wheels, before it
+    slips: bool  # one of these did: they tell the sense of it alone
     owed_m: float  # by which the told place was to be corrected still
     restarted: bool  # by its own word: for RESTART_S before the end there was no power
 
@@ -107,8 +108,12 @@ def maybe_shift(
         return None
     tilt_rad = float(np.linalg.norm(tilts_rad, axis=1).max()) + TILT_RAD
     slope_mps2, spare_m = GRAVITY_MPS2 * math.sin(tilt_rad), SLACK_M + gap.owed_m
-    most_m = rolled_m(gap.v_mps[1], powered_s, passed_s, robot, slope_mps2)
-    least_m = -rolled_m(-gap.v_mps[0], powered_s, passed_s, robot, slope_mps2)
+    slow_mps = fast_mps = gap.v_mps
+    if gap.slips:
+        fastest_mps = robot.max_speed_mps
+        slow_mps, fast_mps = (0.0, fastest_mps) if gap.v_mps >= 0.0 else (-fastest_mps, 0.0)
+    most_m = rolled_m(fast_mps, powered_s, passed_s, robot, slope_mps2)
+    least_m = -rolled_m(-slow_mps, powered_s, passed_s, robot, slope_mps2)
     # what it goes at least, it goes at an angle to the strip
     most_m = max(most_m, most_m * math.cos(turn_rad)) + spare_m
     least_m = min(least_m, least_m * math.cos(turn_rad)) - spare_m

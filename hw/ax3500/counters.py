@@ -48,16 +48,15 @@ class WheelCounters:
         self._read_s: list[float | None] = [None, None]  # each counter's newest reading, any
         self._pace_s = 0.0  # smoothed, from one reading of a counter to the next
 
-    def forget_zero(self, unpowered: bool = False, by_other: bool = False) -> None:
+    def forget_zero(self, by_other: bool | None = None) -> None:
         """The counters have lost their zero, as after a restart of the controller.
 
-        Args:
-            unpowered: by that, and nobody has driven since.
-            by_other: somebody else has the motors, or had them.
+        by_other: somebody else has the motors since, or had them; None: it did not say that it
+        restarted.
         """
         self._zero_lost = self._last[0] is not None
-        self._told_other = self._zero_lost and (by_other or self._told_other)
-        self._told_unpowered = self._zero_lost and unpowered and not self._told_other
+        self._told_other = self._zero_lost and (by_other is True or self._told_other)
+        self._told_unpowered = self._zero_lost and by_other is False and not self._told_other
         self._tracking = False
         self._resuming.clear()
 

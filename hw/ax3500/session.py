@@ -378,26 +378,22 @@ class Ax3500(Device[WheelCounts]):
         """Whether no zero is owed: both are acknowledged, or there is nobody to send them to."""
         return not self.motors.may_move or self.status.state == "closed"
 
-    def _counts(self, t_s: float, left: float, right: float) -> WheelCounts:
-        of, cut_off = self._counters, self.stream.controller.cuts_off
-        return WheelCounts(t_s, left, right, of.restarts, of.unpowered, of.by_other, cut_off)
-
     def _measure(self, now_s: float, events: list[Any]) -> list[WheelCounts]:
         if self.stream.zero_lost:
-            by_other = self.stream.by_other
-            self._counters.forget_zero(unpowered=not by_other, by_other=by_other)
+            self._counters.forget_zero(by_other=self.stream.by_other)
             self.stream.zero_lost = self.stream.by_other = False
         self.emergency_stop = bool(self.stream.controller.emergency_stop)
         if not self.stream.readings:
             return []
-        measured: list[WheelCounts] = []
+        measured, of = list[WheelCounts](), self._counters
         for reading in self.stream.readings:
-            taken = self._counters.take(*reading)
+            taken, cut_off = of.take(*reading), self.stream.controller.cuts_off
             if isinstance(taken, Pair):
                 travel = (taken.one, taken.two)
                 (left, left_sign), (right, right_sign) = self._left, self._right
-                turned = left_sign * travel[left], right_sign * travel[right]
-                measured.append(self._counts(taken.t_s, *turned))
+                ways = left_sign * travel[left], right_sign * travel[right]
+                known = of.unpowered, of.by_other, cut_off
+                measured.append(WheelCounts(taken.t_s, *ways, of.restarts, *known))
             elif taken is not None:
                 self.status.reject(taken)
         self.stream.readings = []

@@ -149,7 +149,7 @@ def test_a_told_restart_makes_the_next_readings_the_new_zero() -> None:
     counters.forget_zero()  # before anything was known: nothing is lost
     drive(counters, [(100, 100), (110, 110)], 0.0)
     assert counters.restarts == 0
-    counters.forget_zero(unpowered=True)
+    counters.forget_zero(by_other=False)
     results = drive(counters, [(0, 0), (5, 5)], 0.1)
     assert (counters.restarts, counters.unpowered) == (1, True)
     [pair] = pairs(results)

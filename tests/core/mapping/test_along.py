@@ -61,6 +61,7 @@ def test_each_place_lies_in_its_cell(
         (0.25, -2.75, 5 * 8 + 1),  # the corner is in the window
         (2.0, -2.75, 5 * 8 + 0),
         (0.25, -1.0, 4 * 8 + 1),
+        (0.25, -2.0, 0 * 8 + 1),  # where the ring turns over
         (2.25, -2.75, OUTSIDE),  # that on the other side is not
         (0.25, -0.75, OUTSIDE),
         (math.nextafter(0.25, 0), -2.0, OUTSIDE),

@@ -18,6 +18,7 @@ I8 = npt.NDArray[np.int8]
 U8 = npt.NDArray[np.uint8]
 I32 = npt.NDArray[np.int32]
 I64 = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 OBSTACLE, UNKNOWN, FREE = 1, 0, -1  # what a cell of the obstacle map means (int8)
 
@@ -221,12 +222,19 @@ class ObjectChanges(Struct, frozen=True, eq=False):
     gone: tuple[int, ...]  # ids
 
 
+class StandingThing(Struct, frozen=True, eq=False):
+    """One object of the map; map frame, metres."""
+
+    outline_m: F64  # (n, 2) counter-clockwise
+    seen: Flags  # (n,) side k, from corner k on, was seen along its whole length
+
+
 class FloorView(Struct, frozen=True, eq=False):
     """What one frame of a depth camera tells who plans on the floor; map frame, metres."""
 
     view_m: F64  # (n, 2) outline of the floor that was seen; nothing is said of what lies outside
     passing: tuple[F64, ...]  # outlines (k, 2) of what no map holds yet, or moves
-    standing: tuple[F64, ...] | None  # of all objects of the map; None: they are as before,
+    standing: tuple[StandingThing, ...] | None  # all objects of the map; None: they are as before,
     walls_m: F64  # (m, 4) and so are its walls: x1, y1, x2, y2
 
 

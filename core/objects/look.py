@@ -30,6 +30,7 @@ from core.records import (
     DepthImage,
     FloorView,
     ObjectReport,
+    StandingThing,
 )
 
 SIGMA_HEIGHT_M, SIGMA_TILT_RAD = 0.03, 0.02  # of the lens over the floor, as a pose predicts it
@@ -125,7 +126,8 @@ class FrameLook:
         passing = tuple(one.polygon for one in update.obstacles)
         if update.version == self._version:
             return FloorView(view, passing, None, np.zeros((0, 4)))
-        standing = tuple(one.polygon for one in self._objects.objects())
+        objects = self._objects.objects()
+        standing = tuple(StandingThing(one.polygon, one.finished) for one in objects)
         return FloorView(view, passing, standing, self._walls())
 
     def _changes(

@@ -250,11 +250,22 @@ class FrameSteps:
             room.voxels, count, walls, offset, within_m, height_m, noise, gaps_m, room.used,
             room.bins, room.measures.low, room.measures.high,
         )  # fmt: skip
+        self._release_fronts(room, count, walls, 1, offset, noise)
         segments = wall_lines.stretches(room.voxels, count, walls, offset, room.used)
         whole = np.eye(3)
         whole[:2, :2] = turn
         x_m, y_m, yaw_rad = (whole @ offset).tolist()
         return Correction(x_m, y_m, yaw_rad, whole @ C @ whole.T, points), segments
+
+    def _release_fronts(
+        self, room: Room, count: int, walls: Floats, first: int, offset: F64,
+        noise: tuple[float, float, float],
+    ) -> None:  # fmt: skip
+        """Give back what stands out of walls; a wall is as uneven as its points are thinned."""
+        lines = np.array([wall_lines.line_of(wall) for wall in walls]).reshape(-1, 6)
+        wall_lines.release_fronts(
+            room.voxels, count, lines, first, offset, self._settings.voxel_m, noise, room.used
+        )
 
     def _gaps_at(self, room: Room, places: F64, lens_m: float) -> F64:
         """How far apart two points of one surface may lie at places (n, 2), level frame: (n,) m."""
@@ -297,11 +308,14 @@ class FrameSteps:
             room.voxels, count, walls, np.zeros(3), self._settings.wall_m, noise, gaps_m,
             room.used, room.bins,
         )  # fmt: skip
-        for wall in walls:
+        first = 1 + int(room.used[:count].max(initial=0))
+        for number, wall in enumerate(walls, first):
             room.line[:] = wall_lines.line_of(wall)
             wall_lines.take(
-                room.voxels.x, room.voxels.y, count, room.line, self._settings.wall_m, room.used
-            )
+                room.voxels.x, room.voxels.y, count, room.line, self._settings.wall_m, room.used,
+                number,
+            )  # fmt: skip
+        self._release_fronts(room, count, walls, first, np.zeros(3), noise)
         return walls
 
     def _clusters(

@@ -275,7 +275,7 @@ def upright(
 
 
 @releasing_kernel
-def take(x: F32, y: F32, count: int, line: F64, within_m: float, used: I32) -> int:
+def take(x: F32, y: F32, count: int, line: F64, within_m: float, used: I32, number: int = 1) -> int:
     """Mark the points on a stretch of a line, or a little beyond, as used: how many newly so."""
     n, beyond = 0, 2.0 * within_m
     for v in range(count):
@@ -284,8 +284,40 @@ def take(x: F32, y: F32, count: int, line: F64, within_m: float, used: I32) -> i
         is_near = abs(line[3] * dx - line[2] * dy) <= within_m
         if is_near and line[4] - beyond <= along <= line[5] + beyond:
             n += used[v] == 0
-            used[v] = 1
+            used[v] = number
     return n
+
+
+@releasing_kernel
+def release_fronts(
+    voxels: Voxels, count: int, lines: F64, first: int, offset: F64, flat_m: float,
+    noise: tuple[float, float, float], used: I32,
+) -> None:  # fmt: skip
+    """Give back what stands out of walls towards the lens: posts, pipes, the edges of things.
+
+    A wall's own points lie before its line no farther than the wall is uneven, and their noise.
+
+    Args:
+        lines: (n, 6) by `line_of`, level frame; the lens is over its origin.
+        first: the number of the first of them.
+        offset: (3,) dx, dy, dyaw to be added to the points.
+        flat_m: how far a wall's points lie before its line, without noise.
+        used: (count,) the number of its line for each of these; 0 where it is given back.
+    """
+    for v in range(count):
+        k = used[v] - first
+        if k < 0 or k >= lines.shape[0]:
+            continue
+        x, y, z = voxels.x[v], voxels.y[v], voxels.z[v] - noise[2]
+        ux, uy = lines[k, 2], lines[k, 3]
+        px = x + offset[0] - offset[2] * y - lines[k, 0]
+        py = y + offset[1] + offset[2] * x - lines[k, 1]
+        lens_m = uy * (lines[k, 0] - offset[0]) - ux * (lines[k, 1] - offset[1])
+        if abs(lens_m) <= flat_m:
+            continue  # along its line neither side is before it
+        before_m = math.copysign(1.0, lens_m) * (ux * py - uy * px)
+        if before_m > flat_m + GATE * sigma_m(math.sqrt(x * x + y * y + z * z), noise[0], noise[1]):
+            used[v] = 0
 
 
 def segment(line: F64) -> Floats:

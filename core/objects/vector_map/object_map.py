@@ -118,8 +118,7 @@ class ObjectMap:
         now = prepared(correction.frame(frame), self.settings)
         mine = self._matches(now, near, self.settings.hull_sigma_m + self.settings.cell_m)
         lines = self.walls.lines(self._reach_of(now))
-        band = lines.buffer(3.0 * self.settings.hull_sigma_m + 2.0 * self.settings.cell_m)
-        sights = self._unexplained(now, mine, band)
+        sights = self._unexplained(now, mine, lines.buffer(self.settings.hull_sigma_m))
         self._newcomers.add(frame.at_s, sights, now.sectors, now.lens)
         anchor = max((self._objects[n].frames for n in mine), default=0)
         for number in near:
@@ -129,7 +128,7 @@ class ObjectMap:
             self._admit(newcomer, anchor)
         self._settle(near, mine, correction)
         self._update_walls(now, correction)
-        self._absorb(near, lines, band)
+        self._absorb(near, lines)
         self._sleep(near)
         obstacles = self._newcomers.obstacles(frame.at_s)
         return MapUpdate(self._journal.version, correction, obstacles)
@@ -172,7 +171,11 @@ class ObjectMap:
     def _unexplained(
         self, now: PreparedFrame, mine: dict[int, list[int]], band: shapely.Geometry
     ) -> list[Sight]:
-        """What of the detections no object and no wall of the map covers."""
+        """What of the detections no object and no wall of the map covers.
+
+        Of a frame's walls the points are gone already: what is left stands out of them, but for
+        what a hull errs by, the band about the walls of the map.
+        """
         s, sights = self.settings, []
         margin_m = 3.0 * s.hull_sigma_m + 2.0 * s.cell_m
         touched = {k for hits in mine.values() for k in hits}
@@ -315,21 +318,22 @@ class ObjectMap:
             else:
                 self._journal.delete(number)
 
-    def _absorb(self, near: list[int], lines: shapely.Geometry, band: shapely.Geometry) -> None:
+    def _absorb(self, near: list[int], lines: shapely.Geometry) -> None:
         """Take away what was seen of a wall before the wall was known, and became an object.
 
         It lies where the wall is taken to be, or its middle lies on the wall. That of a thing which
         stands before a wall does not, unless it is as thin as that place. Or it is not settled yet,
         and lies all at a wall's end: the face there, seen before the wall was.
         """
-        ends = lines.boundary.buffer(END_M)
+        ends, on_m = lines.boundary.buffer(END_M), 3.0 * self.settings.hull_sigma_m
+        band = lines.buffer(on_m)
         for number in near:
             one = self._objects.get(number)
-            if one is None or not band.intersects(outline := shapely.Polygon(one.polygon)):
+            if one is None or not lines.dwithin(outline := shapely.Polygon(one.polygon), END_M):
                 continue
             is_inside = outline.intersection(band).area > OF_WALL * outline.area
             is_inside |= one.frames < self.settings.memory_frames and ends.contains(outline)
-            if is_inside or outline.centroid.dwithin(lines, 3.0 * self.settings.hull_sigma_m):
+            if is_inside or outline.centroid.dwithin(lines, on_m):
                 self._remove(one)
 
     # bookkeeping

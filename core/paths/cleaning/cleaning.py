@@ -25,6 +25,7 @@ from core.paths.cleaning.frontiers import (
     next_viewpoint,
 )
 from core.paths.cleaning.seen_floor import SeenFloor, SweptFloor
+from core.paths.cleaning.things import GAP_M, Thing, before, outlines
 from core.paths.coverage.plan import plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
@@ -40,7 +41,6 @@ TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
 ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
 GRAZING_M = 0.1  # from things to the line along which it looks past them
-GAP_M = 0.12  # from the end of a view to what it ends at, at most
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
 SPECK_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
@@ -90,7 +90,7 @@ class Cleaning:
         c, sin = math.cos(dock[2]), math.sin(dock[2])
         self.floor.vouch(lane @ np.array([[c, sin], [-sin, c]]) + at)
         self.floor.vouch(disc(at, s.machine.radius_m + CLEAR_M))
-        self._things: list[Polygon] = []
+        self._things: list[Thing] = []
         self._looks, self._looks_in_all = Counter[Block](), Counter[Block]()  # at frontiers
         self._looked_at: dict[Block, tuple[float, float]] = {}
         self._rounds = self._tried = self._parted = 0
@@ -118,32 +118,31 @@ class Cleaning:
         tool = disc(at, self.settings.machine.width_m / 2)
         return self.clean.count_below(tool) * self.settings.cell_m**2 > SPECK_M2
 
-    def free(self, things: Sequence[Polygon]) -> BaseGeometry:
-        """Where the machine's outline may be: seen, or hidden by a thing; and away from things."""
-        guard_m = self.settings.guard_m
-        bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in things])
+    def free(self, things: Sequence[Thing]) -> BaseGeometry:
+        """Where the machine's outline may be: seen, or right before a thing; and away from it."""
+        known, guard_m = outlines(things), self.settings.guard_m
+        bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in known])
         seen = self.floor.free()
         return shapely.union_all([seen, *self._beside(seen, things)]).difference(bars)
 
-    def explain(self, things: Sequence[Polygon]) -> None:
+    def explain(self, things: Sequence[Thing]) -> None:
         """Keep which floor things hide beside them, for `floor.is_free`."""
         self.floor.explain(self._beside(self.floor.free(), things))
 
-    def _beside(self, seen: BaseGeometry, things: Sequence[Polygon]) -> list[Polygon]:
-        """Gaps between seen floor and what is known to stand there: views end before that."""
-        outlines = shapely.union_all(things)
-        both = shapely.buffer(seen.union(outlines), GAP_M / 2, quad_segs=2)
+    def _beside(self, seen: BaseGeometry, things: Sequence[Thing]) -> list[Polygon]:
+        """Gaps between seen floor and what was seen of things: views end before that."""
+        known = shapely.union_all(outlines(things))
+        both = shapely.buffer(seen.union(known), GAP_M / 2, quad_segs=2)
         closed = shapely.buffer(both, -GAP_M / 2, quad_segs=2)
-        near = shapely.buffer(outlines, GAP_M, quad_segs=2)
-        return polygons_in(closed.intersection(near).difference(seen))
+        return polygons_in(closed.intersection(before(things)).difference(seen))
 
-    def plan(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
+    def plan(self, place: Place, things: Sequence[Thing], may_look: bool) -> Task:
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
 
         Behind a third of them it looks no more, behind half of them it goes home.
 
         Args:
-            things: outlines of all that is known to stand or to move, walls too.
+            things: all that is known to stand or to move, walls too.
             may_look: False: something barred the way; go on as before, whatever is unseen.
         """
         won_m2 = self.floor.area_m2 + self.clean.area_m2
@@ -155,7 +154,7 @@ class Cleaning:
             return task
         return Task("stuck", why=task.why or f"the way is barred again and again, to {task.goal}")
 
-    def _next(self, place: Place, things: Sequence[Polygon], may_look: bool) -> Task:
+    def _next(self, place: Place, things: Sequence[Thing], may_look: bool) -> Task:
         self._things = list(things)
         here = place[0], place[1]
         self.explain(things)
@@ -170,20 +169,21 @@ class Cleaning:
         self._rounds += may_look
         return self._sweep(free, space, here) or self._home(free, space, graph, place)
 
-    def frontiers(self, things: Sequence[Polygon]) -> set[Block]:
+    def frontiers(self, things: Sequence[Thing]) -> set[Block]:
         """Names of the frontiers that there are."""
         return set(self._blocks(things))
 
-    def _blocks(self, things: Sequence[Polygon]) -> dict[Block, tuple[float, float]]:
+    def _blocks(self, things: Sequence[Thing]) -> dict[Block, tuple[float, float]]:
         """Middles of frontiers; behind the first sweep of smaller ones too, which bar its way."""
-        near = [one.buffer(self.settings.explained_m) for one in things]
+        near = [one.buffer(self.settings.explained_m) for one in outlines(things)]
         least = FEW_CELLS if self._rounds > 0 else LEAST_CELLS
         return frontier_blocks(self.floor, self.floor.mask_of(near), least)
 
     def _look(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task | None:
         blocks = self._blocks(self._things)
         left = {name: at for name, at in blocks.items() if self._is_worth_a_look(name, at)}
-        bars = shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in self._things])
+        known = outlines(self._things)
+        bars = shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in known])
         seen_from = next_viewpoint(left, space, bars, place)
         if seen_from is None:
             return None

@@ -16,6 +16,7 @@ from shapely import Polygon
 from core.coverage_settings import CoverageSettings
 from core.paths.cleaning.cleaning import Cleaning, CleaningSettings, Task
 from core.paths.cleaning.planned import Place, Planned
+from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of
 from core.paths.records import Machine
 from core.records import F64, FloorView, PathSegment
 
@@ -46,8 +47,8 @@ class LiveCleaning:
         self._cleaning = self._begun()
         self._views: deque[FloorView] = deque(maxlen=MOST_WAITING)
         self._ways: deque[tuple[Place, Place, bool]] = deque(maxlen=MOST_WAITING)
-        self._standing: list[Polygon] = []  # of the map of objects, walls too
-        self._passing: list[Polygon] = []  # of the newest view
+        self._standing: list[Thing] = []  # of the map of objects, walls too
+        self._passing: list[Thing] = []  # of the newest view
         self._barred: deque[tuple[float, Polygon]] = deque()  # until when
         self._task, self._looked_s = Task("wait"), -math.inf
 
@@ -84,18 +85,19 @@ class LiveCleaning:
 
     def _take(self, view: FloorView, place: Place) -> None:
         if view.standing is not None:
-            self._standing = [_polygon(one) for one in view.standing]
+            self._standing = [thing_of(one.outline_m, one.seen) for one in view.standing]
             self._standing += _thin(view.walls_m)
-        self._passing = [_polygon(one) for one in view.passing]
+        self._passing = [new_thing(one) for one in view.passing]
         here = shapely.Point(place[:2])
-        near = [one for one in self._things(here) if one.dwithin(here, NEAR_M)]
+        near = [one for one in outlines(self._things(here)) if one.dwithin(here, NEAR_M)]
         self._cleaning.see(view.view_m, near)
 
-    def _things(self, here: shapely.Point) -> list[Polygon]:
+    def _things(self, here: shapely.Point) -> list[Thing]:
         """All that stands or passes; of what surrounds the machine, a row of walls, its rim."""
-        found = self._standing + self._passing + [cell for _, cell in self._barred]
-        solid = [one for one in found if not one.contains(here)]
-        rings = [shapely.get_coordinates(one.exterior) for one in found if one.contains(here)]
+        found = self._standing + self._passing + [new_thing(cell) for _, cell in self._barred]
+        solid = [one for one in found if not one.outline.contains(here)]
+        around = [one for one in outlines(found) if one.contains(here)]
+        rings = [shapely.get_coordinates(one.exterior) for one in around]
         return solid + [side for ring in rings for side in _thin(np.hstack([ring[:-1], ring[1:]]))]
 
     def _is_seen(self, asked: Request) -> bool:
@@ -124,7 +126,7 @@ class LiveCleaning:
         corners: F64 = shapely.get_coordinates(room.exterior)[:-1]
         for _ in range(here.seen_frames):
             cleaning.see(corners, [])
-        wall = shapely.box(x + 1.5, y - 1.5, x + 1.6, y + 1.5)
+        wall = Thing(shapely.box(x + 1.5, y - 1.5, x + 1.6, y + 1.5))
         for _ in range(3):
             cleaning.plan((x, y, 0.0), [wall], may_look=True)
         cleaning.plan((x, y, 0.0), [wall], may_look=False)
@@ -154,11 +156,7 @@ def _from_here(told: list[PathSegment], place: Place, task: Task) -> tuple[PathS
     return tuple(told)
 
 
-def _thin(lines_m: F64) -> list[Polygon]:
+def _thin(lines_m: F64) -> list[Thing]:
     """Lines (n, 4) as things."""
     lines = shapely.linestrings(lines_m.reshape(-1, 2, 2))
-    return list(shapely.buffer(lines, WALL_M, cap_style="square"))
-
-
-def _polygon(outline: F64) -> Polygon:
-    return Polygon(outline)
+    return [Thing(one) for one in shapely.buffer(lines, WALL_M, cap_style="square")]

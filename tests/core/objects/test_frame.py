@@ -269,6 +269,20 @@ def test_on_a_walls_line_a_further_piece_is_wall_and_what_stands_out_of_it_is_no
     assert ends.min() == pytest.approx(-0.8 if thick_m == 0.1 else 0.7, abs=0.06)
 
 
+@pytest.mark.parametrize("known", [NO_WALLS, np.array([[2.0, -2.5, 2.0, 2.5]])])
+@pytest.mark.parametrize("out_m", [0.0, 0.08])
+def test_a_post_that_stands_out_of_a_wall_is_a_thing(known: F64, out_m: float) -> None:
+    """`wall_m` and noise together reach farther than it stands out."""
+    wall, post = Box(2.05, 0.0, 0.1, 5.0, 0.0, 1.0), Box(2.04 - out_m, 0.3, 0.08, 0.08, 0.0, 1.0)
+    settings = msgspec.structs.replace(SETTINGS, wall_m=0.06, noise_m=0.012)
+    told = found(Scene((wall, post)), placed(0.6, 15.0), walls=known, settings=settings).objects
+    assert len(told.walls) == 1
+    assert len(told.detections) == (out_m > 0.0)
+    for one in told.detections:
+        assert one.polygon[:, 0].min() == pytest.approx(1.92, abs=0.015)
+        assert np.abs(one.polygon[:, 1] - 0.3).max() < 0.06
+
+
 def test_walls_along_one_direction_leave_the_other_as_unsure_as_it_was() -> None:
     wall = Scene((Box(3.05, 0.0, 0.1, 5.0, 0.0, 1.0),))
     at = placed(0.6, 15.0)

@@ -2,8 +2,8 @@
 
 The world's rays make a depth camera's picture, `FrameSteps` make objects of it, `ObjectMap` keeps
 them, `Cleaning` plans on what is free, and a follower drives the path through the motor
-controller's fake. The machine believes a pose that is wrong by a slow error. Each run follows from
-its seed alone, to the bit.
+controller's fake. The machine is told a pose that is wrong by a slow error, and drives by what the
+walls of its map say of that. Each run follows from its seed alone, to the bit.
 """
 
 import math
@@ -16,10 +16,10 @@ from shapely import Polygon
 
 from core.config import Config
 from core.objects.frame.steps import CameraPose, FrameSteps
-from core.objects.records import Floats
 from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import ObjectMap
 from core.paths.cleaning.cleaning import TURN_RAD, Cleaning, CleaningSettings, Place, Task
+from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of
 from core.paths.geometry.rings import joined
 from core.paths.geometry.space import polygons_in
 from core.paths.records import Machine
@@ -46,7 +46,7 @@ SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.025, size_m=90.0, seen_frames=3, start_clear_m=1.4, guard_m=0.03,
     explained_m=0.15, sliver_m=0.06, enough=0.002, rounds=6, tries=24,
 )  # fmt: skip
-POSE_M, POSE_RAD, POSE_S = 0.01, math.radians(0.2), 10.0  # 1 sigma of the believed pose, its time
+POSE_M, POSE_RAD, POSE_S = 0.01, math.radians(0.2), 10.0  # 1 sigma of the told pose, its time
 AHEAD_M = 0.9  # of the path that is looked at: the machine stands before what is on it
 KEPT_M = MACHINE.radius_m + 0.02  # so far from the path nothing may stand
 SLACK_M = 0.005
@@ -105,7 +105,7 @@ class Camcorder:
         return DepthImage(now_s, numbers, self._rays, self._counter, now_s)
 
     def pose(self, place: Place) -> CameraPose:
-        """Where the lens is, of a machine that believes to be at a place."""
+        """Where the lens is, of a machine that is told to be at a place."""
         x, y, yaw = place
         c, s = math.cos(yaw), math.sin(yaw)
         cp, sp = math.cos(self._tilt_rad), math.sin(self._tilt_rad)
@@ -128,7 +128,7 @@ class Drift:
         sigmas = math.sqrt(1 - keep * keep) * np.array([POSE_M, POSE_M, POSE_RAD])
         self._off = keep * self._off + sigmas * self._random.standard_normal(3)
 
-    def believed(self, place: Place) -> Place:
+    def told(self, place: Place) -> Place:
         x, y, yaw = (np.array(place) + self._off).tolist()
         return x, y, yaw
 
@@ -151,9 +151,10 @@ class HallRun:
         self.camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(objects)
         self._turns = 0  # on the spot, for floor to be seen
         self._tick, self._at, self._halts = 0, (0.0, 0.0, 0.0), False
+        self._off = np.zeros(3)  # x, y, yaw: what walls say that the told pose lacks
         self._barred_s = self._arrived_s = math.inf
-        self._version, self._passing = 0, list[Polygon]()
-        self._checked: tuple[int, list[Polygon]] = (-1, [])
+        self._version, self._passing = 0, list[Thing]()
+        self._checked: tuple[int, list[Thing]] = (-1, [])
         self.truth, self._is_hit = Truth(hall), False
         self._views, self._stood = RecentViews(VOUCHED_S), (0.0, self._at)  # since when, where
         self.world.step_to(0.0)
@@ -169,13 +170,13 @@ class HallRun:
         before = self.world.place
         self.world.step_to(self.now_s)
         self._drift.step()
-        place = self._drift.believed(self.world.place)
-        sweeps = self._sweeps
+        told = self._drift.told(self.world.place)
+        place, sweeps = self._by_walls(told), self._sweeps
         self.cleaning.drive(self._at, place, sweeps)
         self._count(before, self.world.place, sweeps)
         self._at = place
         if self._tick % FRAME_TICKS == 0:
-            self._look(place)
+            self._look(told)
         may_mps = self._may_mps(place)
         self._go_on(place, is_barred=may_mps == 0.0)
         self._controller.command(*self._follower.power(place, 0.0 if self._halts else may_mps))
@@ -183,39 +184,51 @@ class HallRun:
 
     # what it sees
 
-    def _look(self, place: Place) -> None:
+    def _by_walls(self, told: Place) -> Place:
+        """Where it is by the walls that it saw last; their say ends as the told pose wanders."""
+        self._off *= math.exp(-PERIOD_S / POSE_S)
+        x, y, yaw = (np.array(told) + self._off).tolist()
+        return x, y, yaw
+
+    def _look(self, pose: Place) -> None:
         known = [wall.segments for wall in self.map.walls.records()]
         told = self._steps.find(
             self.camera.image(self.now_s),
-            self.camera.pose(place),
+            self.camera.pose(pose),
             np.vstack(known) if known else np.zeros((0, 4)),
         )
         self.tally.frames += 1
         if told.doubt:
             self.tally.doubts += 1
             return
+        if (by := told.correction) is not None:
+            lens = np.array(told.objects.origin)
+            turn = np.array([[0.0, -by.yaw_rad], [by.yaw_rad, 0.0]])
+            self._off[:2] = turn @ (pose[:2] - lens) + (by.x_m, by.y_m)
+            self._off[2] = by.yaw_rad
+        place = self._by_walls(pose)
         update = self.map.update(told.objects)
         self.obstacles, self._version = update.obstacles, update.version
-        self._passing = [_polygon(one.polygon) for one in update.obstacles]
+        self._passing = [new_thing(one.polygon) for one in update.obstacles]
         self._count_people()
         frame = update.correction.frame(told.objects)
         self._turns = 0
         self._views.add(self.now_s, frame.origin, frame.view)
         walks = [one.is_moving for one in update.obstacles]  # over floor that stays as it was
         new = [one for one, moves in zip(self._passing, walks, strict=True) if not moves]
-        self.cleaning.see(frame.view, [*new, *self._near(place, self._mapped())])
+        self.cleaning.see(frame.view, [*outlines(new), *self._near(place, self._mapped())])
 
-    def things(self) -> list[Polygon]:
+    def things(self) -> list[Thing]:
         """All that is known to be somewhere, walls too."""
         return self._mapped() + self._passing
 
-    def _mapped(self) -> list[Polygon]:
+    def _mapped(self) -> list[Thing]:
         """What is in the map, walls too."""
         if self._checked[0] != self._version:
-            found = [_polygon(one.polygon) for one in self.map.objects()]
+            found = [thing_of(one.polygon, one.finished) for one in self.map.objects()]
             for wall in self.map.walls.records():
                 lines = shapely.linestrings(wall.segments.reshape(-1, 2, 2))
-                found += list(shapely.buffer(lines, 0.01, cap_style="square"))
+                found += [Thing(one) for one in shapely.buffer(lines, 0.01, cap_style="square")]
             self._checked = self._version, found
         return self._checked[1]
 
@@ -253,9 +266,9 @@ class HallRun:
         """Whether no frame has shown floor for long."""
         return self.now_s - self._views.last_s > BLIND_S
 
-    def _near(self, place: Place, things: list[Polygon]) -> list[Polygon]:
+    def _near(self, place: Place, things: list[Thing]) -> list[Polygon]:
         here = shapely.Point(place[:2])
-        return [one for one in things if one.dwithin(here, NEAR_M)]
+        return [one for one in outlines(things) if one.dwithin(here, NEAR_M)]
 
     def _go_on(self, place: Place, is_barred: bool) -> None:
         """A new task where the old one is done, or where nothing goes on."""
@@ -347,7 +360,8 @@ class HallRun:
                 continue
             self.tally.people_seen += 1
             at = shapely.Point(px, py)
-            self.tally.people_missed += not any(one.dwithin(at, 0.5) for one in self._passing)
+            told = outlines(self._passing)
+            self.tally.people_missed += not any(one.dwithin(at, 0.5) for one in told)
 
 
 def _heading(place: Place, metres: float) -> shapely.LineString:
@@ -375,7 +389,3 @@ def _first(points: F64, metres: float) -> F64:
     k = int(np.searchsorted(at, metres))
     share = (metres - at[k - 1]) / steps[k - 1]
     return np.vstack([points[:k], points[k - 1] + share * (points[k] - points[k - 1])])
-
-
-def _polygon(outline: Floats) -> Polygon:
-    return Polygon(outline)

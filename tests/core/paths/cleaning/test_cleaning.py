@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from core.paths.cleaning.cleaning import Cleaning, CleaningSettings, Place, Task
+from core.paths.cleaning.things import Thing, new_thing, thing_of
 from core.paths.coverage.measures import swept_by
 from core.paths.records import Machine
 
@@ -44,7 +45,7 @@ class Jumper:
 
     def __init__(self) -> None:
         self.cleaning, self.place = Cleaning(SETTINGS, (0.0, 0.0, 0.0)), (0.0, 0.0, 0.0)
-        self.known = list(shapely.get_parts(shapely.union_all(BOXES)))
+        self.known = [Thing(one) for one in BOXES]
         self.goals, self.swept = list[str](), list[np.ndarray]()
 
     def go(self, task: Task) -> None:
@@ -89,7 +90,7 @@ def test_what_stands_there_now_gets_no_path_and_what_was_not_seen_neither() -> N
     machine = Jumper()
     machine.jump((0.0, 0.0, 0.0), False)
     bar = shapely.box(1.2, -0.4, 1.4, 0.4)
-    task = machine.cleaning.plan(machine.place, [*machine.known, bar], may_look=False)
+    task = machine.cleaning.plan(machine.place, [*machine.known, Thing(bar)], may_look=False)
     for segment in task.segments:
         assert shapely.LineString(segment.points).distance(bar) > MACHINE.radius_m
     unseen = FREE.difference(machine.cleaning.floor.area())
@@ -103,14 +104,27 @@ def test_a_gap_between_seen_floor_and_a_known_wall_is_free_and_what_is_behind_is
     floor, wall = machine.cleaning.floor, shapely.box(3.03, -1.0, 3.05, 1.0)
     floor.vouch(np.array([[0.0, -1.0], [3.0, -1.0], [3.0, 1.0], [0.0, 1.0]]))
     gap = shapely.box(2.8, -0.8, 3.03 - SETTINGS.guard_m - 0.001, 0.8)
-    free = machine.cleaning.free([wall])
+    free = machine.cleaning.free([Thing(wall)])
     assert free.covers(gap)
     hidden = shapely.get_coordinates(shapely.box(2.8, -0.8, 3.06, 0.8).exterior)[:-1]
     assert not floor.is_free(hidden)  # a question changes nothing
-    machine.cleaning.explain([wall])
+    machine.cleaning.explain([Thing(wall)])
     assert floor.is_free(hidden)
     assert free.intersection(shapely.box(3.03, -1.0, 4.0, 1.0)).is_empty
     assert not machine.cleaning.free([]).intersects(shapely.box(3.0, -1.0, 4.0, 1.0))
+
+
+def test_a_gap_behind_a_thing_that_was_seen_from_one_side_may_be_more_of_it() -> None:
+    machine = Jumper()
+    for low, high in ((-0.95, 0.0), (0.1, 1.05)):  # floor is seen on both sides of it
+        machine.cleaning.floor.vouch(np.array([[2, low], [3, low], [3, high], [2, high]]))
+    corners = np.array([[2.2, 0.0], [2.8, 0.0], [2.8, 0.1], [2.2, 0.1]])
+    before, behind = shapely.box(2.3, -0.08, 2.7, -0.04), shapely.box(2.3, 0.14, 2.7, 0.18)
+    for seen, is_free in (([True, False, False, False], False), ([True] * 4, True)):
+        free = machine.cleaning.free([thing_of(corners, np.array(seen))])
+        assert free.covers(before)
+        assert free.covers(behind) == is_free
+    assert not machine.cleaning.free([new_thing(corners)]).covers(before)
 
 
 def test_the_tool_has_work_where_floor_is_not_clean_and_no_more_behind_it() -> None:
@@ -124,7 +138,7 @@ def test_the_tool_has_work_where_floor_is_not_clean_and_no_more_behind_it() -> N
 
 def test_where_the_machine_has_no_room_it_waits() -> None:
     machine = Jumper()
-    around = [ROOM.buffer(1.0)]
+    around = [Thing(ROOM.buffer(1.0))]
     assert machine.cleaning.plan(machine.place, around, may_look=True).goal == "wait"
 
 
@@ -134,7 +148,7 @@ def test_much_floor_that_is_parted_off_is_waited_for_before_it_goes_home() -> No
     whole = shapely.get_coordinates(ROOM.exterior)[:-1]
     machine.cleaning.floor.vouch(whole)
     machine.cleaning.clean.vouch(whole)
-    people = [*machine.known, shapely.box(1.0, -1.5, 1.1, 2.8)]
+    people = [*machine.known, new_thing(shapely.box(1.0, -1.5, 1.1, 2.8))]
     task = machine.cleaning.plan(machine.place, people, may_look=False)
     assert (task.goal, task.why) == ("look", "floor that was seen is parted off")
     assert machine.cleaning.plan(machine.place, machine.known, may_look=False).goal == "home"
@@ -147,7 +161,7 @@ def test_what_parts_it_from_the_dock_makes_it_stop_and_say_so() -> None:
     far, wall = (4.2, 2.0, 0.0), shapely.box(2.7, -2.0, 2.8, 3.0)
     machine.jump(far, False)
     for _ in range(40):
-        task = machine.cleaning.plan(machine.place, [*machine.known, wall], may_look=True)
+        task = machine.cleaning.plan(machine.place, [*machine.known, Thing(wall)], may_look=True)
         machine.go(task)
         if task.goal in ("stuck", "home"):
             break
@@ -174,5 +188,6 @@ def test_what_takes_long_and_wins_floor_is_not_given_up() -> None:
     goals = []
     for k in range(2 * SETTINGS.tries):
         machine.cleaning.floor.vouch(np.array([[8, k], [9, k], [9, k + 0.9], [8, k + 0.9]]))
-        goals.append(machine.cleaning.plan(machine.place, [ROOM.buffer(1.0)], may_look=True).goal)
+        around = [Thing(ROOM.buffer(1.0))]
+        goals.append(machine.cleaning.plan(machine.place, around, may_look=True).goal)
     assert goals == ["wait"] * len(goals)

@@ -8,7 +8,7 @@ import shapely
 from config_file import load_config
 from core.paths.cleaning.live import LiveCleaning, Request
 from core.paths.cleaning.planned import Planned, Progress
-from core.records import F64, FloorView, PathSegment
+from core.records import F64, FloorView, PathSegment, StandingThing
 from recording.plans import bytes_from_planned, planned_from_bytes
 from tests import ROOT
 
@@ -28,7 +28,8 @@ def live_in_room(standing: tuple[shapely.Polygon, ...] = ()) -> LiveCleaning:
     live = LiveCleaning(CONFIG.coverage, 1.2)
     ring = shapely.get_coordinates(ROOM.exterior)
     walls = np.hstack([ring[:-1], ring[1:]])
-    told = tuple(outline(one) for one in standing)
+    corners = [outline(shapely.orient_polygons(one)) for one in standing]
+    told = tuple(StandingThing(one, np.ones(len(one), dtype=bool)) for one in corners)
     for k in range(CONFIG.coverage.seen_frames):
         live.see(FloorView(outline(ROOM), (), told if k == 0 else None, walls))
     return live

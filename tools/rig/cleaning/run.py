@@ -48,7 +48,9 @@ SETTINGS = CleaningSettings(
 )  # fmt: skip
 POSE_M, POSE_RAD, POSE_S = 0.01, math.radians(0.2), 10.0  # 1 sigma of the told pose, its time
 AHEAD_M = 0.9  # of the path that is looked at: the machine stands before what is on it
-KEPT_M = MACHINE.radius_m + 0.02  # so far from the path nothing may stand
+KEPT_M = (
+    MACHINE.margin_m
+)  # so far from the path nothing may stand: guard_m is for outlines that change
 SLACK_M = 0.005
 LAG_S, LAG_M = 0.2, 0.03  # of the way on which it comes to stand, where it heads
 ENTERED_M = (0.1, 0.3, 0.5)  # of the path: what its front is about to enter there

@@ -118,7 +118,7 @@ class FrameSteps:
         wall_lines.best_line(
             room.columns.x, room.columns.y, room.columns.rim, 1, 0.05, 1.0, room.bins, room.line
         )
-        wall_lines.take(room.columns.x, room.columns.y, 0, room.line, 0.05, room.columns.rim)
+        wall_lines.take(room.columns.x, room.columns.y, 0, room.line, 0.05, room.columns.rim, 1)
 
     @property
     def room(self) -> Room:
@@ -250,22 +250,13 @@ class FrameSteps:
             room.voxels, count, walls, offset, within_m, height_m, noise, gaps_m, room.used,
             room.bins, room.measures.low, room.measures.high,
         )  # fmt: skip
-        self._release_fronts(room, count, walls, 1, offset, noise)
+        flat_m = self._settings.voxel_m  # a wall is as uneven as its points are thinned
+        wall_lines.release_fronts(room.voxels, count, walls, 1, offset, flat_m, noise, room.used)
         segments = wall_lines.stretches(room.voxels, count, walls, offset, room.used)
         whole = np.eye(3)
         whole[:2, :2] = turn
         x_m, y_m, yaw_rad = (whole @ offset).tolist()
         return Correction(x_m, y_m, yaw_rad, whole @ C @ whole.T, points), segments
-
-    def _release_fronts(
-        self, room: Room, count: int, walls: Floats, first: int, offset: F64,
-        noise: tuple[float, float, float],
-    ) -> None:  # fmt: skip
-        """Give back what stands out of walls; a wall is as uneven as its points are thinned."""
-        lines = np.array([wall_lines.line_of(wall) for wall in walls]).reshape(-1, 6)
-        wall_lines.release_fronts(
-            room.voxels, count, lines, first, offset, self._settings.voxel_m, noise, room.used
-        )
 
     def _gaps_at(self, room: Room, places: F64, lens_m: float) -> F64:
         """How far apart two points of one surface may lie at places (n, 2), level frame: (n,) m."""
@@ -294,9 +285,9 @@ class FrameSteps:
                 break
             found.append(wall_lines.segment(room.line))
             wall_lines.take(
-                room.voxels.x, room.voxels.y, count, room.line, settings.wall_m, room.used
+                room.voxels.x, room.voxels.y, count, room.line, settings.wall_m, room.used, 1
             )
-            wall_lines.take(x, y, n, room.line, settings.wall_m, taken)
+            wall_lines.take(x, y, n, room.line, settings.wall_m, taken, 1)
         return self._grown(room, count, np.array(found).reshape(-1, 4), noise)
 
     def _grown(
@@ -308,14 +299,13 @@ class FrameSteps:
             room.voxels, count, walls, np.zeros(3), self._settings.wall_m, noise, gaps_m,
             room.used, room.bins,
         )  # fmt: skip
-        first = 1 + int(room.used[:count].max(initial=0))
+        first, still = 1 + int(room.used[:count].max(initial=0)), np.zeros(3)
+        x, y, within_m = room.voxels.x, room.voxels.y, self._settings.wall_m
         for number, wall in enumerate(walls, first):
             room.line[:] = wall_lines.line_of(wall)
-            wall_lines.take(
-                room.voxels.x, room.voxels.y, count, room.line, self._settings.wall_m, room.used,
-                number,
-            )  # fmt: skip
-        self._release_fronts(room, count, walls, first, np.zeros(3), noise)
+            wall_lines.take(x, y, count, room.line, within_m, room.used, number)
+        flat_m = self._settings.voxel_m
+        wall_lines.release_fronts(room.voxels, count, walls, first, still, flat_m, noise, room.used)
         return walls
 
     def _clusters(

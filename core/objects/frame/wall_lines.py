@@ -275,8 +275,8 @@ def upright(
 
 
 @releasing_kernel
-def take(x: F32, y: F32, count: int, line: F64, within_m: float, used: I32, number: int = 1) -> int:
-    """Mark the points on a stretch of a line, or a little beyond, as used: how many newly so."""
+def take(x: F32, y: F32, count: int, line: F64, within_m: float, used: I32, number: int) -> int:
+    """Mark the points on a stretch of a line, or a little beyond, by its number: how many anew."""
     n, beyond = 0, 2.0 * within_m
     for v in range(count):
         dx, dy = x[v] - line[0], y[v] - line[1]
@@ -290,7 +290,7 @@ def take(x: F32, y: F32, count: int, line: F64, within_m: float, used: I32, numb
 
 @releasing_kernel
 def release_fronts(
-    voxels: Voxels, count: int, lines: F64, first: int, offset: F64, flat_m: float,
+    voxels: Voxels, count: int, walls: F64, first: int, offset: F64, flat_m: float,
     noise: tuple[float, float, float], used: I32,
 ) -> None:  # fmt: skip
     """Give back what stands out of walls towards the lens: posts, pipes, the edges of things.
@@ -298,21 +298,23 @@ def release_fronts(
     A wall's own points lie before its line no farther than the wall is uneven, and their noise.
 
     Args:
-        lines: (n, 6) by `line_of`, level frame; the lens is over its origin.
+        walls: (n, 4) segments, level frame; the lens is over its origin.
         first: the number of the first of them.
         offset: (3,) dx, dy, dyaw to be added to the points.
         flat_m: how far a wall's points lie before its line, without noise.
-        used: (count,) the number of its line for each of these; 0 where it is given back.
+        used: (count,) the number of its wall for each of these; 0 where it is given back.
     """
     for v in range(count):
         k = used[v] - first
-        if k < 0 or k >= lines.shape[0]:
+        if k < 0 or k >= walls.shape[0]:
             continue
         x, y, z = voxels.x[v], voxels.y[v], voxels.z[v] - noise[2]
-        ux, uy = lines[k, 2], lines[k, 3]
-        px = x + offset[0] - offset[2] * y - lines[k, 0]
-        py = y + offset[1] + offset[2] * x - lines[k, 1]
-        lens_m = uy * (lines[k, 0] - offset[0]) - ux * (lines[k, 1] - offset[1])
+        ux, uy = walls[k, 2] - walls[k, 0], walls[k, 3] - walls[k, 1]
+        length = max(math.sqrt(ux * ux + uy * uy), 1e-9)
+        ux, uy = ux / length, uy / length
+        px = x + offset[0] - offset[2] * y - walls[k, 0]
+        py = y + offset[1] + offset[2] * x - walls[k, 1]
+        lens_m = uy * (walls[k, 0] - offset[0]) - ux * (walls[k, 1] - offset[1])
         if abs(lens_m) <= flat_m:
             continue  # along its line neither side is before it
         before_m = math.copysign(1.0, lens_m) * (ux * py - uy * px)

@@ -173,6 +173,7 @@ class HallRun:
         self.world.step_to(self.now_s)
         self._drift.step()
         told = self._drift.told(self.world.place)
+        self._off *= math.exp(-PERIOD_S / POSE_S)  # what walls said ends, as the pose wanders
         place, sweeps = self._by_walls(told), self._sweeps
         self.cleaning.drive(self._at, place, sweeps)
         self._count(before, self.world.place, sweeps)
@@ -187,8 +188,7 @@ class HallRun:
     # what it sees
 
     def _by_walls(self, told: Place) -> Place:
-        """Where it is by the walls that it saw last; their say ends as the told pose wanders."""
-        self._off *= math.exp(-PERIOD_S / POSE_S)
+        """Where it is by the walls that it saw last."""
         x, y, yaw = (np.array(told) + self._off).tolist()
         return x, y, yaw
 

@@ -126,7 +126,7 @@ class Cleaning:
         return shapely.union_all([seen, *self._beside(seen, things)]).difference(bars)
 
     def explain(self, things: Sequence[Thing]) -> None:
-        """Keep which floor things hide beside them, for `floor.is_free`."""
+        """Keep which floor lies right before things, for `floor.is_free`."""
         self.floor.explain(self._beside(self.floor.free(), things))
 
     def _beside(self, seen: BaseGeometry, things: Sequence[Thing]) -> list[Polygon]:

@@ -80,7 +80,6 @@ class Odometry:
         self.breaks = 0
         self.broken_by = ""  # why it broke last, in words
         self.maybe_shift: Shift | None = None
-        self._counted = False  # both counters moved in the newest interval
         self.corrected_m: F64 = np.zeros(2)  # sum of the corrections that went into the place
 
     @property
@@ -221,7 +220,7 @@ class Odometry:
             self._break(counts.t_s, f"the robot moved while {hidden} stayed away")
             return
         steps = abs(counts.left - last.left), abs(counts.right - last.right)
-        moved, self._counted = max(steps) > STILL_COUNTS, min(steps) > STILL_COUNTS
+        moved = max(steps) > STILL_COUNTS
         self._attitudes.orientation.note_wheels(
             last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
         )
@@ -285,11 +284,11 @@ class Odometry:
     def _maybe_shift(self, last: WheelCounts, counts: WheelCounts) -> Shift | None:
         """Where the body is, whose counters began anew between both; None: nobody knows."""
         is_one = counts.restarts == last.restarts + 1 and not counts.by_other
-        # those that stood still may have been stuck: then they jump by what they did not tell
-        if not is_one or not (counts.unpowered or self._counted) or self._robot is None:
+        # those that jump, and do not say why, may have told less than the way before as well
+        if not (is_one and counts.unpowered) or self._robot is None:
             return None
         owed_m, slips = math.hypot(*self._state.value[[X, Y]].tolist()), self.wheels.slipping
-        gap = Gap(last.t_s, counts.t_s, self.v_mps, slips, owed_m, counts.unpowered)
+        gap = Gap(last.t_s, counts.t_s, self.v_mps, slips, owed_m)
         return maybe_shift(gap, self._attitudes, self.yaw_start_rad, self._robot)
 
     def _break(self, t_s: float, why: str, shift: Shift | None = None) -> None:
@@ -306,7 +305,6 @@ class Odometry:
         self.wheels.restart()
         self._blind.restart()
         self.v_mps = self.w_radps = 0.0
-        self._counted = False
         self.breaks, self.broken_by, self.maybe_shift = self.breaks + 1, why, shift
 
     # From a positioning system

@@ -1,9 +1,8 @@
 """How far a robot can have rolled while nobody counted, as a bound: a strip along its heading.
 
-A controller that starts again counts from zero, counters may jump, and what the wheels did
-meanwhile is lost. But the attitude has told all the time where the body pointed, a wheeled body
-goes where it points, and how fast it may go follows from the speed before and from what changes
-speeds: motors and a slope.
+A controller that starts again counts from zero, and what the wheels did meanwhile is lost. But the
+attitude has told all the time where the body pointed, a wheeled body goes where it points, and how
+fast it may go follows from the speed before and from what changes speeds: motors and a slope.
 """
 
 import math
@@ -27,14 +26,13 @@ MOST_M = 2.0  # a strip longer than this leaves nothing of use
 
 
 class Gap(NamedTuple):
-    """Counters were away, and began anew."""
+    """A controller was away, and has started again, by its own word."""
 
     from_s: float  # newest counts before it,
     to_s: float  # and first ones behind
     v_mps: float  # by the wheels, before it
     slips: bool  # one of these did: they tell the sense of it alone
     owed_m: float  # by which the told place was to be corrected still
-    restarted: bool  # by its own word: for RESTART_S before the end there was no power
 
 
 class Shift(NamedTuple):
@@ -97,7 +95,7 @@ def maybe_shift(
         yaw_start_rad: of the body in the earth frame where the map's x axis points.
     """
     passed_s = gap.to_s - gap.from_s
-    powered_s = passed_s - RESTART_S if gap.restarted else passed_s
+    powered_s = passed_s - RESTART_S
     if not (powered_s >= 0.0 and attitudes.covers(gap.from_s, gap.to_s)):
         return None
     count = math.ceil(passed_s / LOOK_S) + 1

@@ -199,15 +199,15 @@ def test_the_wall_clock_is_read_for_what_people_read_alone() -> None:
     assert readers == {"wiring.py", "recorder.py", "logs.py", "flight.py"}
 
 
-def test_where_counters_jump_the_map_holds_as_far_as_the_robot_can_have_rolled() -> None:
+def test_where_counters_jump_the_map_ends_and_the_robot_stands() -> None:
+    """They may have been wrong before: how far it is off nobody knows."""
     commander = Commander(FLOOR, BOX)
     commander.drive(0.6, 0.0, 3.0)
     commander.loop.rig.drive.counter_offset = (100_000, 100_000)
-    commander.run(1.5)
-    app, (x, y, _) = commander.loop.app, commander.place
-    off_m, pose = app.mapper.off_start_m, app.mapper.maybe_pose(commander.loop.now_s)
-    assert app.mapper.counts.erased == 1
-    assert pose is not None
-    assert np.hypot(pose.x_m - x, pose.y_m - y) <= off_m < 0.5
-    assert (commander.loop.map_now() == FREE).sum() > 100
+    commander.run(1.0)
+    app, x = commander.loop.app, commander.place[0]
+    commander.run(1.0)
+    assert (app.mapper.counts.erased, app.mapper.off_start_m) == (1, np.inf)
+    assert commander.place[0] == pytest.approx(x, abs=0.01)
+    assert not app.mapper.maps.window.under.any()
     assert compare(commander.loop).free_on_obstacle == []

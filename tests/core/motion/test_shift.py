@@ -59,7 +59,6 @@ def rolled(
 @given(
     v_mps=st.floats(-1.0, 1.0),
     slips=st.booleans(),
-    restarted=st.booleans(),
     seconds=st.floats(0.01, 1.1),
     w_radps=st.floats(-1.0, 1.0),
     pitch_rad=st.floats(-0.1, 0.1),
@@ -68,22 +67,20 @@ def rolled(
 def test_no_motion_that_motors_and_slope_can_make_leads_out_of_the_strip(
     v_mps: float,
     slips: bool,
-    restarted: bool,
     seconds: float,
     w_radps: float,
     pitch_rad: float,
     pushes: list[float],
 ) -> None:
-    off_s = RESTART_S if restarted else 0.0
-    seconds += off_s
+    seconds += RESTART_S
     ring = turning(w_radps, seconds, pitch_rad)
     told_mps = math.copysign(0.2, v_mps) if slips else v_mps
-    shift = maybe_shift(Gap(0.0, seconds, told_mps, slips, 0.0, restarted), ring, 0.0, ROBOT)
+    shift = maybe_shift(Gap(0.0, seconds, told_mps, slips, 0.0), ring, 0.0, ROBOT)
     if shift is None:  # too long
         return
     for sign in (-1.0, 0.0, 1.0):
         slope_mps2 = sign * GRAVITY_MPS2 * math.sin(abs(pitch_rad))
-        x_m, y_m = rolled(v_mps, seconds, slope_mps2, w_radps, pushes, off_s)
+        x_m, y_m = rolled(v_mps, seconds, slope_mps2, w_radps, pushes, RESTART_S)
         x_m, y_m = x_m - shift.moved_m[0], y_m - shift.moved_m[1]
         c, s = shift.heading
         assert abs(c * x_m + s * y_m) <= shift.half_m
@@ -112,7 +109,7 @@ def test_every_place_in_the_strip_is_in_a_cell_to_which_a_step_leads(
 
 
 def test_nothing_is_known_of_a_robot_without_attitude_lifted_or_away_for_long() -> None:
-    gap, level = Gap(0.1, 0.9, 0.5, False, 0.0, True), turning(0.0, 1.0)
+    gap, level = Gap(0.1, 0.9, 0.5, False, 0.0), turning(0.0, 1.0)
     known = maybe_shift(gap, level, 0.0, ROBOT)
     assert known is not None
     owed = maybe_shift(gap._replace(owed_m=0.1), level, 0.0, ROBOT)
@@ -124,7 +121,7 @@ def test_nothing_is_known_of_a_robot_without_attitude_lifted_or_away_for_long() 
     assert 0.1 < ahead < 0.4, "the middle of all ways of a robot that drove on"
     assert maybe_shift(gap._replace(to_s=2.0), level, 0.0, ROBOT) is None  # no attitude there
     assert maybe_shift(gap._replace(to_s=0.5), level, 0.0, ROBOT) is None  # too short for a restart
-    assert maybe_shift(Gap(0.1, 2.9, 0.5, False, 0.0, True), turning(0.0, 3.0), 0.0, ROBOT) is None
+    assert maybe_shift(Gap(0.1, 2.9, 0.5, False, 0.0), turning(0.0, 3.0), 0.0, ROBOT) is None
     assert maybe_shift(gap, turning(5.0, 1.0), 0.0, ROBOT) is None  # it has turned about
     lifted = AttitudeRing(0, 0, 0)
     for k in range(110):

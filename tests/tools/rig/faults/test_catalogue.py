@@ -93,6 +93,13 @@ def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("title", [one.title for one in CATALOGUE if one.device == "drive"])
+def test_each_fault_of_the_motor_controller_does_what_the_catalogue_says(title: str) -> None:
+    """What the wheels tell decides what of a map outlives a fault."""
+    assert problems(BY_TITLE[title], drive_with(BY_TITLE[title])) == []
+
+
+@pytest.mark.slow
 def test_a_hokuyo_whose_laser_goes_off_stops_the_robot_for_a_second_or_so() -> None:
     [fault] = [one for one in URG04LX if one.own == "scanner.switch_laser_off"]
     outcome = drive_with(fault)

@@ -55,9 +55,11 @@ class Odometry:
         on_rail: bool = False,
         robot: Robot | None = None,
     ) -> None:
-        """`on_rail`: the left counter tells the way, along a straight line.
+        """A new one.
 
-        robot: bounds how far it can have gone while nobody counted; None: nothing does.
+        Args:
+            on_rail: the left counter tells the way, along a straight line.
+            robot: bounds how far it can have gone while nobody counted; None: no bound.
         """
         self._robot = robot
         self._on_rail, self._course_rad, self._is_off = on_rail, 0.0, False
@@ -219,8 +221,7 @@ class Odometry:
             hidden = "the attitude" if blind else "the wheels' counters"
             self._break(counts.t_s, f"the robot moved while {hidden} stayed away")
             return
-        steps = abs(counts.left - last.left), abs(counts.right - last.right)
-        moved = max(steps) > STILL_COUNTS
+        moved = max(abs(counts.left - last.left), abs(counts.right - last.right)) > STILL_COUNTS
         self._attitudes.orientation.note_wheels(
             last.t_s, counts.t_s, wheels_rad, self.wheels.round_rad, moved=moved
         )
@@ -284,7 +285,7 @@ class Odometry:
     def _maybe_shift(self, last: WheelCounts, counts: WheelCounts) -> Shift | None:
         """Where the body is, whose counters began anew between both; None: nobody knows."""
         is_one = counts.restarts == last.restarts + 1 and not counts.by_other
-        # those that jump, and do not say why, may have told less than the way before as well
+        # counters that jump, while no controller says why, may have been wrong before it, too
         if not (is_one and counts.unpowered) or self._robot is None:
             return None
         owed_m, slips = math.hypot(*self._state.value[[X, Y]].tolist()), self.wheels.slipping

@@ -98,6 +98,10 @@ def _bring_up_to_date(table: dict[str, Any]) -> list[str]:
     if "motion" not in table:
         table["motion"] = {"source": "wheels"}
         changed.append('motion.source: is new, "wheels" is what there was before')
+    drive = table.get("drive")
+    if isinstance(drive, dict) and drive.get("driver") == "ax3500" and "radio" not in drive:
+        drive["radio"] = True
+        changed.append("drive.radio: is new, true is what there was before")
     return changed
 
 

@@ -116,8 +116,7 @@ class WheelCounts(Struct, frozen=True, eq=False):
     left: float  # counts (quadrature edges), forward positive; unwrapped, interpolated to t_s
     right: float
     restarts: int  # grows when the zero was lost: travel across such a step is not known
-    unpowered: bool = False  # motors had none at the newest: the controller said that it restarted
-    by_other: bool = False  # at the newest, or since: a radio or sticks had the motors
+    unpowered_s: float = math.inf  # motors had no power before the newest since then; inf: unknown
     cut_off: bool = False  # the controller says that it gives the motors no power, told or not
 
 

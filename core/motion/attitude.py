@@ -27,7 +27,7 @@ from core.motion.orientation import ORIENTATION, OrientationFilter, orientation_
 from core.records import F64, Attitude
 from jit import Record, Records, allocating_kernel, kernel, records
 
-KEPT = 512  # samples: 4 s and more at 120 Hz
+KEPT = 1024  # samples, 8 s and more at 120 Hz: as long as a controller may have been away
 MAX_GAP_S = 0.06  # between neighbours: up to five lost samples at 100 Hz
 AHEAD_S = 0.019  # a sample at 100 Hz, its way over the line, and how late a last beam may be
 MOST_RADPS = 100.0  # faster no body turns: it is as if no rate was delivered

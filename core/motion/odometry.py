@@ -284,12 +284,11 @@ class Odometry:
 
     def _maybe_shift(self, last: WheelCounts, counts: WheelCounts) -> Shift | None:
         """Where the body is, whose counters began anew between both; None: nobody knows."""
-        is_one = counts.restarts == last.restarts + 1 and not counts.by_other
         # counters that jump, while no controller says why, may have been wrong before it, too
-        if not (is_one and counts.unpowered) or self._robot is None:
+        if counts.restarts != last.restarts + 1 or self._robot is None:
             return None
         owed_m, slips = math.hypot(*self._state.value[[X, Y]].tolist()), self.wheels.slipping
-        gap = Gap(last.t_s, counts.t_s, self.v_mps, slips, owed_m)
+        gap = Gap(last.t_s, counts.unpowered_s, counts.t_s, self.v_mps, slips, owed_m)
         return maybe_shift(gap, self._attitudes, self.yaw_start_rad, self._robot)
 
     def _break(self, t_s: float, why: str, shift: Shift | None = None) -> None:

@@ -15,7 +15,6 @@ from core.motion.lean import GRAVITY_MPS2
 from core.records import I64
 from core.run_settings import Robot
 
-RESTART_S = 0.5  # a controller that starts again gives no power for longer than this: sheet, 0.7 s
 LAG = 2.0  # a motor that lags behind what it was told changes its speed so much faster
 TILT_RAD = math.radians(0.5)  # by so much may the told tilt be off: sheet, static accuracy
 LIFTED_RAD = 0.06  # roll or pitch that changes more: something else than wheels moves the body
@@ -29,6 +28,7 @@ class Gap(NamedTuple):
     """A controller was away, and has started again, by its own word."""
 
     from_s: float  # newest counts before it,
+    unpowered_s: float  # from then on the motors had no power; inf: nobody knows,
     to_s: float  # and first ones behind
     v_mps: float  # by the wheels, before it
     slips: bool  # one of these did: they tell the sense of it alone
@@ -95,8 +95,8 @@ def maybe_shift(
         yaw_start_rad: of the body in the earth frame where the map's x axis points.
     """
     passed_s = gap.to_s - gap.from_s
-    powered_s = passed_s - RESTART_S
-    if not (powered_s >= 0.0 and attitudes.covers(gap.from_s, gap.to_s)):
+    powered_s = gap.unpowered_s - gap.from_s
+    if not (0.0 <= powered_s <= passed_s and attitudes.covers(gap.from_s, gap.to_s)):
         return None
     count = math.ceil(passed_s / LOOK_S) + 1
     looks = np.array([attitudes.rpy_at(t) for t in np.linspace(gap.from_s, gap.to_s, count)])

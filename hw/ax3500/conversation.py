@@ -20,11 +20,13 @@ QUIET_S, QUIET_DOUBLINGS, QUIET_LIMIT_S = 0.05, 2, 1.0  # longer after each fail
 FORGET = 0.98  # of the controller's delay, an exchange
 LEARNT_S = 1.0  # for so long it is known what an exchange that was looked at in time has taught
 STARVE_S = 1.2  # of silence: the controller's watchdog waits 1 s
+RESTART_S = 0.5  # it is longer without power than this before it says that it starts: sheet, 0.7 s
 MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is a start-up prompt
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
 NO_VALUE = "no value after the echo"
 NO_LINE = "bytes, but never a clean line: check baud rate, parity E and 7 bits"
 # a line that comes only from a controller that starts up, or is in R/C or analog mode
+is_logging = re.compile(r":[0-9A-F]{16,}\Z").match  # whole, as no damage makes it
 is_start_up = re.compile(rf"OK\Z|:|.{{{MAX_ANSWER + 1}}}", re.DOTALL).match
 KNOWN_LINE = re.compile(r"OK|[+-]|[0-9A-Fa-f]{1,8}|:[0-9A-Fa-f]+|[?^!][0-9A-Za-z]{1,3}")
 
@@ -34,8 +36,9 @@ class CounterStream:
     """What the session hears, for the side that measures."""
 
     readings: list[tuple[int, float, int]] = field(default_factory=list)  # channel, t_s, raw
-    zero_lost: bool = False  # the controller has restarted,
-    by_other: bool = False  # and another one than mapod may have driven meanwhile
+    zero_lost: bool = False  # the controller has restarted;
+    unpowered_s: float = math.inf  # since then it has given the motors no power, inf: nobody knows,
+    by_other: bool = False  # but for what a radio or sticks may have asked for meanwhile
     watchdog_stops: int = 0
     identity: int | None = None
     controller: ControllerState = field(default_factory=ControllerState)
@@ -94,28 +97,40 @@ class Conversation:
             self._stream.readings = []
         if self._motors.enabled:
             self._motors.look(tick.now_s)
-        events, restart = list[Any](), ""
+        events, maybe_restart = list[Any](), None
         for event in tick.events:
             if isinstance(event, WatchdogStop):
                 self._stream.watchdog_stops += 1
                 self._motors.doubt("the controller's watchdog stopped them")
                 continue
             events.append(event)
-            text = event.text if isinstance(event, Line) else ""
-            if not self._heard_line:
-                self._heard_line = KNOWN_LINE.fullmatch(text) is not None
+            if not isinstance(event, Line):
                 self.is_noise = not self._heard_line
-            if text and not restart and not self.expects_restart and is_start_up(text):
-                restart = text
-        if restart:
-            self.have_restarted(restart)
-            raise StartAgainError(f"the controller has restarted: it sent {restart!r}")
+                continue
+            if not self._heard_line:
+                self._heard_line = KNOWN_LINE.fullmatch(event.text) is not None
+                self.is_noise = not self._heard_line
+            if maybe_restart is None and not self.expects_restart and is_start_up(event.text):
+                maybe_restart = event
+        if maybe_restart is not None:
+            self.have_restarted(maybe_restart)
+            raise StartAgainError(f"the controller has restarted: it sent {maybe_restart.text!r}")
         return events
 
-    def have_restarted(self, line: str) -> None:
+    def have_restarted(self, line: Line) -> None:
         """Its counters begin at zero, in the mode that its flash says and this line shows."""
-        self._stream.zero_lost, self.entered = True, False
-        self._stream.by_other |= line.startswith(":")
+        self.entered = False
+        if not line.text.startswith(":"):
+            self._lose_zero(line.began_s - RESTART_S)
+        elif is_logging(line.text):  # in R/C mode, in which nobody but a radio moves anything
+            self._lose_zero(line.began_s, by_other=True)
+        else:
+            self._lose_zero(math.inf, by_other=True)
+
+    def _lose_zero(self, unpowered_s: float, *, by_other: bool = False) -> None:
+        stream = self._stream
+        stream.zero_lost, stream.unpowered_s = True, min(stream.unpowered_s, unpowered_s)
+        stream.by_other |= by_other
 
     def enter(self) -> Steps[None]:
         """RS-232 mode by ten CR in a row; more, in case it was still starting up."""
@@ -126,7 +141,7 @@ class Conversation:
         before, self.expects_restart = self.expects_restart, True
         if (yield from self.exchange.ask(CR, maybe_ok, CR_EVERY_S, CR_COUNT)):
             # only a restart can have brought R/C mode, in which its radio drives
-            self._stream.zero_lost = self._stream.by_other = True
+            self._lose_zero(self.exchange.now_s, by_other=True)
             self.entered = True
             yield from self.exchange.turn(self.stop_motors())
         self.expects_restart = before

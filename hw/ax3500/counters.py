@@ -5,6 +5,8 @@ misread; what they say is believed only as far as the robot can have moved.
 Source: AX3500 sheet, sections 5 and 10 ("Time stamp").
 """
 
+import math
+
 from msgspec import Struct
 
 from hw.ax3500.lines import maybe_rollover, wrap_difference
@@ -37,26 +39,29 @@ class WheelCounters:
     """Readings of channel 0 and 1 in, pairs at the instants of channel 1 out."""
 
     def __init__(self, max_counts_per_s: float, outage_s: float) -> None:
-        self.restarts, self.unpowered, self.by_other = 0, False, False  # as in `WheelCounts`
+        self.restarts, self.unpowered_s = 0, math.inf  # as in `WheelCounts`
         self._max_counts_per_s, self._outage_s = max_counts_per_s, outage_s
         self._last: list[_Reading | None] = [None, None]
         self._refused: list[list[int]] = [[], []]  # raw, since the last believed reading
         self._resuming: dict[int, tuple[float, int]] = {}  # t_s and raw while not tracking
         self._tracking = False
-        self._zero_lost = self._told_unpowered = self._told_other = False
+        self._zero_lost = self._by_other = False
+        self._unpowered_s = math.inf  # of the zero that is lost
         self._outages_refused = 0
         self._read_s: list[float | None] = [None, None]  # each counter's newest reading, any
         self._pace_s = 0.0  # smoothed, from one reading of a counter to the next
 
-    def forget_zero(self, by_other: bool | None = None) -> None:
+    def forget_zero(self, unpowered_s: float = math.inf, *, by_other: bool = False) -> None:
         """The counters have lost their zero, as after a restart of the controller.
 
-        by_other: somebody else has the motors since, or had them; None: it did not say that it
-        restarted.
+        Args:
+            unpowered_s: since then the motors have had no power; inf: nobody knows.
+            by_other: somebody else may have had them meanwhile.
         """
         self._zero_lost = self._last[0] is not None
-        self._told_other = self._zero_lost and (by_other is True or self._told_other)
-        self._told_unpowered = self._zero_lost and by_other is False and not self._told_other
+        if self._zero_lost:
+            self._unpowered_s = min(self._unpowered_s, unpowered_s)
+            self._by_other |= by_other
         self._tracking = False
         self._resuming.clear()
 
@@ -123,15 +128,15 @@ class WheelCounters:
             certain = self._zero_lost or all(self._is_near_zero(raw) for _, raw in fresh)
             if not certain and self._outages_refused < REFUSALS:
                 return BadFrame("counters jumped over an outage", repr(fresh).encode())
-            self.restarts, self.unpowered = self.restarts + 1, self._told_unpowered
-            self.by_other = self._told_other
+            self.restarts += 1
+            self.unpowered_s = math.inf if self._by_other else self._unpowered_s
         self._last = [
             _Reading(t_s, raw, totals[k] if totals else float(raw))
             for k, (t_s, raw) in enumerate(fresh)
         ]
         self._refused = [[], []]
         self._outages_refused, self._zero_lost, self._tracking = 0, False, True
-        self._told_unpowered = self._told_other = False
+        self._unpowered_s, self._by_other = math.inf, False
         return None
 
     def _maybe_totals(self, fresh: list[tuple[float, int]]) -> list[float] | None:

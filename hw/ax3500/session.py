@@ -77,6 +77,7 @@ class Ax3500Options(Struct, frozen=True):
     right_channel: Literal[1, 2]
     invert: list[Literal[1, 2]]
     enter_rs232: bool
+    radio: bool
 
     def __post_init__(self) -> None:
         if self.left_channel == self.right_channel:
@@ -143,7 +144,7 @@ class Ax3500Session:
                 quiet_s, limit_s = x.now_s, BOOT_S
                 if not isinstance(event, Line) or not is_start_up(event.text):
                     continue
-                self._talk.have_restarted(event.text)
+                self._talk.have_restarted(event)
                 if event.text == "OK":
                     return
                 if event.text.startswith(":") and self._may_enter:
@@ -329,6 +330,7 @@ class Ax3500(Device[WheelCounts]):
         self.stream = CounterStream()
         self.emergency_stop = False  # it is pressed
         left, right, poll_hz = options.left_channel, options.right_channel, options.poll_hz
+        self._has_radio = options.radio
         self.motors = Motors(enable_motors, left, right, options.invert)
         signs = [-1.0 if channel in options.invert else 1.0 for channel in (1, 2)]
         self._left, self._right = ((k - 1, signs[k - 1]) for k in (left, right))
@@ -380,8 +382,10 @@ class Ax3500(Device[WheelCounts]):
 
     def _measure(self, now_s: float, events: list[Any]) -> list[WheelCounts]:
         if self.stream.zero_lost:
-            self._counters.forget_zero(by_other=self.stream.by_other)
+            by_other = self.stream.by_other and self._has_radio
+            self._counters.forget_zero(self.stream.unpowered_s, by_other=by_other)
             self.stream.zero_lost = self.stream.by_other = False
+            self.stream.unpowered_s = math.inf
         self.emergency_stop = bool(self.stream.controller.emergency_stop)
         if not self.stream.readings:
             return []
@@ -392,8 +396,8 @@ class Ax3500(Device[WheelCounts]):
                 travel = (taken.one, taken.two)
                 (left, left_sign), (right, right_sign) = self._left, self._right
                 ways = left_sign * travel[left], right_sign * travel[right]
-                known = of.unpowered, of.by_other, cut_off
-                measured.append(WheelCounts(taken.t_s, *ways, of.restarts, *known))
+                counts = WheelCounts(taken.t_s, *ways, of.restarts, of.unpowered_s, cut_off)
+                measured.append(counts)
             elif taken is not None:
                 self.status.reject(taken)
         self.stream.readings = []

@@ -29,9 +29,12 @@ BEFORE_STANDING_S = 1.0  # request, exchange with the controller, and the motors
 class Commander:
     """A loop whose planner asks for a motion, 20 times a second, as long as it is told to."""
 
-    def __init__(self, *solids: Solid, key: bytes | None = None, **robot: Any) -> None:
+    def __init__(
+        self, *solids: Solid, key: bytes | None = None, radio: bool = True, **robot: Any
+    ) -> None:
         scene = Scene("hall", solids or (FLOOR,))
-        self.loop = ClosedLoop(shipped(robot=READY | robot), scene, drives=False, key=key)
+        config = shipped(robot=READY | robot, drive={"radio": radio})
+        self.loop = ClosedLoop(config, scene, drives=False, key=key)
         self.asks: tuple[float, float] | None = None
         self.valid_s = 0.2
         self.powers: set[tuple[int, int]] = set()

@@ -13,6 +13,7 @@ from app import LOOK_S
 from core.driving import health
 from core.driving.control import ORDER_S
 from core.driving.health import AHRS_STALE_S, WHEELS_STALE_S, stale_s
+from core.mapping.mapper import Mapper
 from core.motion.gravity import BLOCK_S, SHEET_RAD, SPAN_S, SWAY_MPS
 from core.motion.lean import GRAVITY_MPS2
 from core.motion.wheel_check import IGNORED_RAD
@@ -112,18 +113,36 @@ def test_a_second_restart_adds_to_what_the_map_may_be_off() -> None:
     assert 1.1 * once_m < twice_m < 2.0 * once_m  # the second time it stood
 
 
-def test_a_controller_that_starts_again_with_its_radio_ends_the_map() -> None:
-    commander = driving(start_clear_m=12.0)
-    fake, app = commander.loop.rig.drive, commander.loop.app
+def started_with_radio(commander: Commander) -> Mapper:
+    """Its controller has been in R/C mode for some seconds."""
+    fake = commander.loop.rig.drive
     fake.parameters[0] = 0
     fake.reset(commander.loop.now_s)
-    commander.run(1.5)
+    commander.run(5.0)
     fake.mode = "rs232_watchdog"
     commander.run(3.0)
-    assert app.mapper.counts.erased == 1
+    assert commander.loop.app.mapper.counts.erased == 1
+    return commander.loop.app.mapper
+
+
+def test_a_controller_that_starts_again_with_its_radio_ends_the_map() -> None:
+    commander = driving(start_clear_m=12.0)
+    app = commander.loop.app
+    started_with_radio(commander)
     assert app.mapper.off_start_m == np.inf
     assert app.pilot.control.clear[2] == 0.0
     assert not app.mapper.maps.window.under.any()
+
+
+def test_where_no_radio_is_wired_it_has_rolled_no_farther_than_without_power() -> None:
+    commander = Commander(FLOOR, BOX, radio=False)
+    commander.drive(0.6, 0.0, 3.0)
+    mapper = started_with_radio(commander)
+    (x, y, _), pose = commander.place, mapper.maybe_pose(commander.loop.now_s)
+    assert pose is not None
+    assert np.hypot(pose.x_m - x, pose.y_m - y) <= mapper.off_start_m < 1.0
+    assert (commander.loop.map_now() == FREE).sum() > 100
+    assert compare(commander.loop).free_on_obstacle == []
 
 
 def test_an_attitude_whose_gyro_contradicts_its_angles_is_counted_and_the_angles_are_told() -> None:

@@ -45,9 +45,8 @@ class ListeningMapper:
 
     def add_counts(self, counts: WheelCounts) -> None:
         sides = {"left_counts": counts.left, "right_counts": counts.right}
-        self.row(
-            "wheels", counts.t_s, **sides, restarts=counts.restarts, unpowered=counts.unpowered
-        )
+        told = {"restarts": counts.restarts, "unpowered_s": counts.unpowered_s}
+        self.row("wheels", counts.t_s, **sides, **told)
         self._mapper.add_counts(counts)
 
     def add_scan(self, scan: Scan | PointSweep) -> None:

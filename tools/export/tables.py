@@ -23,8 +23,8 @@ TABLES: dict[str, dict[str, np.dtype[Any]]] = {
     | dict.fromkeys(("counter", "beam", "echo"), I8)
     | dict.fromkeys(("bearing_rad", "elevation_rad", "range_m"), F8),
     "wheels": TIMES
-    | dict.fromkeys(("left_counts", "right_counts"), F8)
-    | dict.fromkeys(("restarts", "unpowered"), I8),
+    | dict.fromkeys(("left_counts", "right_counts", "unpowered_s"), F8)
+    | {"restarts": I8},
     "attitude": TIMES
     | dict.fromkeys(("q_w", "q_x", "q_y", "q_z", "rate_x_radps", "rate_y_radps"), F8)
     | {"rate_z_radps": F8},

@@ -68,7 +68,7 @@ class Listening:
     def _hear(self, line: Line, now_s: float) -> None:
         text = line.text
         if is_start_up(text):
-            self._query, self._stream.zero_lost, self._stream.by_other = "", True, True
+            self._query, self._stream.zero_lost = "", True
             self._good_s.clear()
             self._status.fall_back("starting", f"the controller has restarted: it sent {text!r}")
         elif text[0] in "?^!":

@@ -56,8 +56,8 @@ def followed(
     wheel = robot.wheel_radius_m, robot.encoder_ppr, robot.gear_ratio, robot.track_width_m
     odometry, at = Odometry(ring, *wheel), 0
     counts = [
-        WheelCounts(t, left, right, int(n), bool(off))
-        for t, left, right, n, off in drive.counts.tolist()
+        WheelCounts(t_s, left, right, int(n), unpowered_s, bool(off))
+        for t_s, left, right, n, unpowered_s, off in drive.counts.tolist()
     ]
     for k, attitude in enumerate(said):
         ring.add(attitude)

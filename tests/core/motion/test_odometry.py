@@ -90,15 +90,15 @@ def test_restarted_counters_break_the_chain_and_add_no_travel() -> None:
 
 
 @pytest.mark.parametrize(
-    ("facts", "is_known"),
+    ("unpowered_s", "is_known"),
     [
-        ({"unpowered": True}, True),
-        ({}, False),  # a jump: they may have been stuck, or have told less than the way
-        ({"unpowered": True, "by_other": True}, False),
+        (0.4, True),
+        (math.inf, False),  # a jump: they may have been stuck, or have told less than the way
+        (0.1, False),  # it has counted since: no controller that started
     ],
 )
 def test_where_a_robot_is_behind_counters_that_began_anew_is_known_in_part(
-    facts: dict[str, bool], is_known: bool
+    unpowered_s: float, is_known: bool
 ) -> None:
     ring = AttitudeRing(0, 0, 0)
     odometry = Odometry(ring, 0.15, 500, 1.0, TRACK_M, robot=shipped().robot)
@@ -106,7 +106,7 @@ def test_where_a_robot_is_behind_counters_that_began_anew_is_known_in_part(
         ring.add(attitude(0.01 * k))
     for k in range(3):
         odometry.add(WheelCounts(0.1 * k, 0.05 * k * COUNTS_PER_M, 0.05 * k * COUNTS_PER_M, 0))
-    odometry.add(WheelCounts(0.9, 1e5, 1e5, 1, **facts))
+    odometry.add(WheelCounts(0.9, 1e5, 1e5, 1, unpowered_s))
     odometry.settle()
     assert odometry.breaks == 1
     assert (odometry.maybe_shift is not None) == is_known

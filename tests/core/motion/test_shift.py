@@ -7,13 +7,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.motion.attitude import AttitudeRing
-from core.motion.shift import LAG, LIFTED_RAD, RESTART_S, Gap, Shift, maybe_shift
+from core.motion.shift import LAG, LIFTED_RAD, Gap, Shift, maybe_shift
 from tests.core.motion.test_attitude import attitude
 from tests.support.cases import examples
 from tests.support.robot.shipped import shipped
 
 ROBOT = shipped().robot
 STEP_S, GRAVITY_MPS2 = 0.01, 9.81
+UNPOWERED_S = 0.5  # before the first counts
 
 
 def turning(w_radps: float, seconds: float, pitch_rad: float = 0.0) -> AttitudeRing:
@@ -72,15 +73,17 @@ def test_no_motion_that_motors_and_slope_can_make_leads_out_of_the_strip(
     pitch_rad: float,
     pushes: list[float],
 ) -> None:
-    seconds += RESTART_S
+    seconds += UNPOWERED_S
     ring = turning(w_radps, seconds, pitch_rad)
     told_mps = math.copysign(0.2, v_mps) if slips else v_mps
-    shift = maybe_shift(Gap(0.0, seconds, told_mps, slips, 0.0), ring, 0.0, ROBOT)
+    shift = maybe_shift(
+        Gap(0.0, seconds - UNPOWERED_S, seconds, told_mps, slips, 0.0), ring, 0.0, ROBOT
+    )
     if shift is None:  # too long
         return
     for sign in (-1.0, 0.0, 1.0):
         slope_mps2 = sign * GRAVITY_MPS2 * math.sin(abs(pitch_rad))
-        x_m, y_m = rolled(v_mps, seconds, slope_mps2, w_radps, pushes, RESTART_S)
+        x_m, y_m = rolled(v_mps, seconds, slope_mps2, w_radps, pushes, UNPOWERED_S)
         x_m, y_m = x_m - shift.moved_m[0], y_m - shift.moved_m[1]
         c, s = shift.heading
         assert abs(c * x_m + s * y_m) <= shift.half_m
@@ -109,7 +112,7 @@ def test_every_place_in_the_strip_is_in_a_cell_to_which_a_step_leads(
 
 
 def test_nothing_is_known_of_a_robot_without_attitude_lifted_or_away_for_long() -> None:
-    gap, level = Gap(0.1, 0.9, 0.5, False, 0.0), turning(0.0, 1.0)
+    gap, level = Gap(0.1, 0.4, 0.9, 0.5, False, 0.0), turning(0.0, 1.0)
     known = maybe_shift(gap, level, 0.0, ROBOT)
     assert known is not None
     owed = maybe_shift(gap._replace(owed_m=0.1), level, 0.0, ROBOT)
@@ -120,8 +123,13 @@ def test_nothing_is_known_of_a_robot_without_attitude_lifted_or_away_for_long() 
     ahead = known.moved_m[0] * known.heading[0] + known.moved_m[1] * known.heading[1]
     assert 0.1 < ahead < 0.4, "the middle of all ways of a robot that drove on"
     assert maybe_shift(gap._replace(to_s=2.0), level, 0.0, ROBOT) is None  # no attitude there
-    assert maybe_shift(gap._replace(to_s=0.5), level, 0.0, ROBOT) is None  # too short for a restart
-    assert maybe_shift(Gap(0.1, 2.9, 0.5, False, 0.0), turning(0.0, 3.0), 0.0, ROBOT) is None
+    for unpowered_s in (0.05, 0.95, math.inf):  # it has counted since, or nobody knows
+        assert maybe_shift(gap._replace(unpowered_s=unpowered_s), level, 0.0, ROBOT) is None
+    still = maybe_shift(Gap(0.1, 0.4, 7.9, 0.5, False, 0.0), turning(0.0, 8.0), 0.0, ROBOT)
+    assert still is not None, "it has stood for seven seconds"
+    assert still.half_m == pytest.approx(known.half_m, abs=0.2)
+    powered = Gap(0.1, 2.4, 2.9, 0.5, False, 0.0)
+    assert maybe_shift(powered, turning(0.0, 3.0), 0.0, ROBOT) is None
     assert maybe_shift(gap, turning(5.0, 1.0), 0.0, ROBOT) is None  # it has turned about
     lifted = AttitudeRing(0, 0, 0)
     for k in range(110):

@@ -1,5 +1,7 @@
 """Two counters made continuous: common instants, wraps, misreadings, outages, restarts."""
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -126,7 +128,7 @@ def test_an_outage_is_told_from_a_restart(
     counters = WheelCounters(MAX_COUNTS_PER_S, 0.5)
     drive(counters, list(zip(before, before, strict=True)), 0.0)
     results = drive(counters, list(zip(after, after, strict=True)), at_s)
-    assert (counters.restarts, counters.unpowered) == (restarts, False)
+    assert (counters.restarts, counters.unpowered_s) == (restarts, math.inf)
     assert pairs(results)[-1].two == travel
 
 
@@ -149,9 +151,9 @@ def test_a_told_restart_makes_the_next_readings_the_new_zero() -> None:
     counters.forget_zero()  # before anything was known: nothing is lost
     drive(counters, [(100, 100), (110, 110)], 0.0)
     assert counters.restarts == 0
-    counters.forget_zero(by_other=False)
+    counters.forget_zero(0.09)
     results = drive(counters, [(0, 0), (5, 5)], 0.1)
-    assert (counters.restarts, counters.unpowered) == (1, True)
+    assert (counters.restarts, counters.unpowered_s) == (1, 0.09)
     [pair] = pairs(results)
     assert pair.t_s == pytest.approx(0.15)
     assert pair.one == pytest.approx(5 * 38 / 50)

@@ -1,5 +1,6 @@
 """The AX3500 session on the fake controller: modes, restarts, and everything that goes wrong."""
 
+import math
 import random
 from itertools import pairwise
 from typing import Literal
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.records import WheelCounts
+from hw.ax3500.conversation import RESTART_S
 from hw.ax3500.session import IN_RC_MODE
 from tests.support.cases import examples
 from tests.support.devices.bench_ax3500 import TICK_S, FakeBench
@@ -131,27 +133,38 @@ def test_a_controller_that_is_still_booting_is_waited_for(mode: Stored) -> None:
 def test_a_restart_in_the_middle_of_polling_is_a_new_zero(mode: Stored, boot_s: float) -> None:
     bench = moving(800.0, mode, enter=True)
     bench.fake.boot_s = boot_s
-    before = bench.run(4.0)[-1]
+    before, restarted_s = bench.run(4.0)[-1], bench.now_s
     bench.fake.restart(bench.now_s)
     after = bench.run(4.0 + 2 * boot_s)[-30:]
     assert bench.state == "running"
     assert before.restarts == 0
-    by_radio = mode == "rc"  # which may have driven meanwhile
-    assert {(counts.restarts, counts.unpowered) for counts in after} == {(1, not by_radio)}
+    assert {counts.restarts for counts in after} == {1}
+    [unpowered_s] = {counts.unpowered_s for counts in after}
+    if mode == "rc":  # a radio may have driven meanwhile
+        assert unpowered_s == math.inf
+    else:
+        assert restarted_s - RESTART_S < unpowered_s <= restarted_s + boot_s - RESTART_S + TICK_S
     check_travel(after, 800.0, 5)
 
 
-def test_a_restart_into_radio_mode_is_told_where_it_may_not_be_taken_over() -> None:
-    bench = FakeBench()
+@pytest.mark.parametrize("radio", [True, False])
+def test_a_restart_into_radio_mode_is_told_where_it_may_not_be_taken_over(radio: bool) -> None:
+    bench = FakeBench(radio=radio)
     bench.wheels.turned = [9000.0, 9000.0]
     bench.run(1.0)
     bench.fake.parameters[0x00] = 0
-    bench.fake.restart(bench.now_s)
+    restarted_s = bench.now_s
+    bench.fake.restart(restarted_s)
     bench.run(2.0)
     assert (bench.state, bench.cause) == ("starting", IN_RC_MODE)
     bench.fake.mode = "rs232"
     newest = bench.run(3.0)[-1]
-    assert (newest.restarts, newest.unpowered) == (1, False)
+    assert newest.restarts == 1
+    if radio:  # it may have driven
+        assert newest.unpowered_s == math.inf
+    else:
+        woke_s = restarted_s + bench.fake.boot_s
+        assert woke_s - RESTART_S <= newest.unpowered_s <= woke_s - RESTART_S + TICK_S
 
 
 # ---- faults of the line

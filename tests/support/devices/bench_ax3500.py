@@ -121,7 +121,7 @@ class FakeBench:
         self.port, self.now_s = RecordingPort(), 0.0
         self.tick_s, self._looks = tick_s, max(1, round(tick_s / look_s))
         self.wire = Wire(self.fake, self.port, seed)
-        usual: dict[str, Any] = {"left_channel": 1, "right_channel": 2, "invert": []}
+        usual: dict[str, Any] = {"left_channel": 1, "right_channel": 2, "invert": [], "radio": True}
         options = Ax3500Options(poll_hz=poll_hz, enter_rs232=enter, **(usual | settings))
         self.ax = Ax3500(
             self.port, options, max_counts_per_s=max_counts_per_s, enable_motors=enable

@@ -66,11 +66,12 @@ class TappedPort(MemoryPort):
                 tap(self._name, way, data)
 
 
-def rig_config(scene: Scene, settings: Path = SHIPPED) -> Config:
+def rig_config(scene: Scene, settings: Path = SHIPPED, *, radio: bool = False) -> Config:
     """Settings with a larger map, of a robot that may be driven in this scene."""
     return with_changes(
         load_config(settings.read_text(encoding="utf-8")),
         robot={"enable_motors": True, "start_clear_m": scene.start_clear_m},
+        drive={"radio": radio},
         map={"cells": CELLS},
     )
 
@@ -97,7 +98,7 @@ class Loop:
         self.rig = Rig(
             scene, seed, drives=drives, errors=errors, scanner=scanner, mount=mount, body=body
         )
-        self.config = config or rig_config(self.rig.world.scene)
+        self.config = config or rig_config(self.rig.world.scene, radio=drives)
         if not drives:  # a vehicle that is driven from the PC has the watchdog on
             self.rig.drive.parameters[0x00], self.rig.drive.mode = WATCHDOG, "rs232_watchdog"
         self.link_end: Planner = planner or FakePlanner(key=key)

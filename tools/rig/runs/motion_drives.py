@@ -49,7 +49,7 @@ class Drive:
     accel_mps2: F64  # (n, 3) with gravity
     pose: F64  # (n, 5) x, y, yaw, pitch, roll; map frame
     steel: F64  # (n, 3, 3) what steel makes of the earth's field
-    counts: F64  # (m, 5) t_s, left, right, restarts, unpowered
+    counts: F64  # (m, 6) the fields of WheelCounts
 
     def save(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)

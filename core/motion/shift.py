@@ -69,6 +69,9 @@ def rolled_m(
 
     While its motors may have power it speeds up, to its fastest; then it slows down. Below 0: so
     far at least it has gone the other way, for no brake is stronger than LAG times its own.
+
+    Args:
+        slope_mps2: what it rolls faster by downhill, none uphill: how it brakes there is not known.
     """
     accel, brake, back_m = LAG * robot.max_accel_mps2, robot.brake_mps2, 0.0
     if v_mps < 0.0:  # it may turn round
@@ -104,14 +107,16 @@ def maybe_shift(
     turn_rad = float(np.ptp(yaws_rad)) / 2 + ASIDE_RAD
     if np.ptp(tilts_rad, axis=0).max() > LIFTED_RAD or turn_rad >= math.pi / 2:
         return None
-    tilt_rad = float(np.linalg.norm(tilts_rad, axis=1).max()) + TILT_RAD
-    slope_mps2, spare_m = GRAVITY_MPS2 * math.sin(tilt_rad), SLACK_M + gap.owed_m
+    down_rad, up_rad = float(tilts_rad[:, 1].max()), float(tilts_rad[:, 1].min())  # pitch: its nose
+    ahead_mps2 = GRAVITY_MPS2 * math.sin(max(0.0, down_rad + TILT_RAD))
+    back_mps2 = GRAVITY_MPS2 * math.sin(max(0.0, TILT_RAD - up_rad))
+    spare_m = SLACK_M + gap.owed_m
     slow_mps = fast_mps = gap.v_mps
     if gap.slips:
         fastest_mps = robot.max_speed_mps
         slow_mps, fast_mps = (0.0, fastest_mps) if gap.v_mps >= 0.0 else (-fastest_mps, 0.0)
-    most_m = rolled_m(fast_mps, powered_s, passed_s, robot, slope_mps2)
-    least_m = -rolled_m(-slow_mps, powered_s, passed_s, robot, slope_mps2)
+    most_m = rolled_m(fast_mps, powered_s, passed_s, robot, ahead_mps2)
+    least_m = -rolled_m(-slow_mps, powered_s, passed_s, robot, back_mps2)
     # what it goes at least, it goes at an angle to the strip
     most_m = max(most_m, most_m * math.cos(turn_rad)) + spare_m
     least_m = min(least_m, least_m * math.cos(turn_rad)) - spare_m

@@ -121,7 +121,8 @@ class Conversation:
         """Its counters begin at zero, in the mode that its flash says and this line shows."""
         self.entered = False
         if not line.text.startswith(":"):
-            self._lose_zero(line.began_s - RESTART_S)
+            # its end: what came last before the restart may be its beginning
+            self._lose_zero(self.exchange.now_s - RESTART_S)
         elif is_logging(line.text):  # in R/C mode, in which nobody but a radio moves anything
             self._lose_zero(line.began_s, by_other=True)
         else:

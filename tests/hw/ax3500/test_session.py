@@ -118,6 +118,8 @@ def test_an_impossible_jump_is_dropped_and_counted() -> None:
 
 # ---- restarts
 
+LINE_S = 0.03  # of a line that tells of one
+
 
 @pytest.mark.parametrize("mode", ["rc", "rs232"])
 def test_a_controller_that_is_still_booting_is_waited_for(mode: Stored) -> None:
@@ -143,7 +145,7 @@ def test_a_restart_in_the_middle_of_polling_is_a_new_zero(mode: Stored, boot_s: 
     if mode == "rc":  # a radio may have driven meanwhile
         assert unpowered_s == math.inf
     else:
-        assert restarted_s - RESTART_S < unpowered_s <= restarted_s + boot_s - RESTART_S + TICK_S
+        assert restarted_s - RESTART_S < unpowered_s <= restarted_s + boot_s - RESTART_S + LINE_S
     check_travel(after, 800.0, 5)
 
 
@@ -164,7 +166,7 @@ def test_a_restart_into_radio_mode_is_told_where_it_may_not_be_taken_over(radio:
         assert newest.unpowered_s == math.inf
     else:
         woke_s = restarted_s + bench.fake.boot_s
-        assert woke_s - RESTART_S <= newest.unpowered_s <= woke_s - RESTART_S + TICK_S
+        assert woke_s - RESTART_S <= newest.unpowered_s <= woke_s - RESTART_S + LINE_S
 
 
 # ---- faults of the line

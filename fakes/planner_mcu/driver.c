@@ -12,8 +12,8 @@
 #define REFUSED_STEPS 20u     /* asked to move, and not moving */
 #define LET_GO_STEPS 4u       /* zero is asked for after that */
 #define REFUSALS 8u           /* in a row, and the drive is given up */
-#define UNVOUCHED_STOPS 10u   /* for unseen ground, in a row: the start that is assumed clear shrinks */
-#define UNVOUCHED_MM 500      /* by so much */
+#define ZONE_STOPS 20u        /* of a robot that stands */
+#define UNVOUCHED_MM 1000     /* by which the start that is assumed clear shrinks then */
 #define ZONE_OBSTRUCTED 1u    /* causes of the stop zone */
 #define ZONE_UNSEEN 2u
 #define GOAL_STEPS 6000u      /* for one goal, at most: ten minutes */
@@ -57,6 +57,7 @@ void driver_goal(struct driver *driver, int32_t x_mm, int32_t y_mm)
     driver->tries = 0u;
     driver->refused = 0u;
     driver->refusals = 0u;
+    driver->zone_stops = 0u;
     driver->spent = 0u;
     driver->doubted = 0u;
     driver->turned_back = 0u;
@@ -106,15 +107,21 @@ static bool does_move(const struct driver *driver)
            (magnitude(driver->moves.w_mradps) > (2 * MOVING_MMPS));
 }
 
-/* A sender that stops a standing robot for unseen ground, again and again, vouches for less of the
- * start than the settings do: it may not know any more where that was. */
-static void doubt_start(struct driver *driver, const struct mapod_zone *zone)
+/* A sender that stops a standing robot, again and again: the start that is assumed clear shrinks,
+ * for it may not know any more where that was, or something else is tried. */
+static void note_stop(struct driver *driver, const struct mapod_zone *zone)
 {
     const bool is_unseen = (zone->causes & (ZONE_UNSEEN | ZONE_OBSTRUCTED)) == ZONE_UNSEEN;
-    driver->unvouched = (is_unseen && !does_move(driver)) ? (driver->unvouched + 1u) : 0u;
-    if (driver->unvouched >= UNVOUCHED_STOPS) {
-        driver->unvouched = 0u;
+    driver->zone_stops = does_move(driver) ? 0u : (driver->zone_stops + 1u);
+    if (driver->zone_stops < ZONE_STOPS) {
+        return;
+    }
+    driver->zone_stops = 0u;
+    if (is_unseen && (driver->settings.clear_mm > 0)) {
         driver->settings.clear_mm = most(0, driver->settings.clear_mm - UNVOUCHED_MM);
+    } else {
+        driver->why = (uint8_t)DRIVER_WHY_REFUSED;
+        recovery_stuck(driver);
     }
 }
 
@@ -143,7 +150,7 @@ static bool find_limits(struct driver *driver, struct mapod_link *link, struct m
     }
     if ((judged == MAPOD_STOP) && is_moving(driver->asked)) {
         driver->why = (uint8_t)DRIVER_WHY_ZONE_STOP;
-        doubt_start(driver, zone);
+        note_stop(driver, zone);
         return false;
     }
     return true;

@@ -76,7 +76,7 @@ struct driver {
     uint32_t field_steps; /* since the field in work was begun */
     uint32_t stuck;       /* steps without a motion worth asking for */
     uint32_t refused;     /* steps in which the robot did not move although it was asked to */
-    uint32_t unvouched;   /* times that the sender stopped it for unseen ground, since it moved */
+    uint32_t zone_stops;  /* of the sender, since the robot moved or something was done about it */
     uint32_t refusals;    /* times that it was given up, since it moved */
     uint32_t tries;       /* recoveries for this goal, less those that have been made good */
     uint32_t spent;       /* all recoveries for this goal */

@@ -169,11 +169,15 @@ void recovery_no_view(struct driver *driver)
     }
     driver->looks = 0u;
     driver->viewed_count = 0u;
-    if (!given_up) { /* back along its own path, until the line lies before it again; and farther */
+    if (!given_up) {
+        /* back along its own path, until the line lies before it again, and farther each time; then
+         * straight towards it */
         driver->back_mm = most(BACK_MM, RECOVERY_AGAIN_FROM_MM - away_mm) +
                           ((int32_t)driver->hidden * VIEWS_FARTHER_MM);
         driver->hidden++;
+        views_aim(driver);
         recovery_begin(driver, RECOVERY_BACK);
+        driver->then = (uint8_t)RECOVERY_FACE;
     } else if (!backs_to_turn(driver, RECOVERY_NONE)) {
         recovery_begin(driver, RECOVERY_NONE);
     }

@@ -9,7 +9,9 @@
 #define MOST_MM (ROBOT_LINE_MM + 1850)
 #define RUN_MM 1200     /* to be driven from there towards it */
 #define SHORT_MM 600    /* of the line of sight, that need not be clear at its end */
-#define UNSEEN_SHARE 4  /* of a line of sight, at most: behind more, a wall may stand unseen */
+#define UNSEEN_SHARE 64u /* in 256ths of a line of sight: behind more, a wall may stand unseen */
+#define BARRED 256u     /* of such a share: an obstacle stands there */
+#define DIM_COST (FIELD_NO_PATH / 2u) /* of a point behind unseen ground: only if there is no other */
 #define STRIDE 2        /* cells from one point that is tried to the next */
 #define ROWS 6          /* of points, in one step */
 #define AIM_CELLS 5u    /* of the path, from one of what is to be seen to the next, */
@@ -20,7 +22,10 @@
 #define FARTHEST_MM 3200 /* farther off, at most: the line lies on ground that falls 2 degrees */
 #define MISSING_MM 20000 /* of path: a point that shows nothing is worse by that */
 
-bool views_are_in_sight(const struct driver *driver, struct point from, struct point to)
+/* How much of the ground between two points was not seen, in 256ths; BARRED: an obstacle stands
+ * there. The last bit does not count.
+ */
+static uint32_t unseen_between(const struct driver *driver, struct point from, struct point to)
 {
     const struct frame *const frame = &driver->ground.frame;
     const int32_t away_mm = apart_mm(from, to);
@@ -31,11 +36,16 @@ bool views_are_in_sight(const struct driver *driver, struct point from, struct p
     for (k = 1; k < last; k++) {
         const uint32_t state = ground_at_point(&driver->ground, between(from, to, k, steps));
         unseen += (state == MAPOD_UNKNOWN) ? 1 : 0;
-        if ((state == MAPOD_OBSTACLE) || (unseen > (steps / UNSEEN_SHARE))) {
-            return false;
+        if (state == MAPOD_OBSTACLE) {
+            return BARRED;
         }
     }
-    return true;
+    return (uint32_t)((unseen * 255) / steps);
+}
+
+bool views_are_in_sight(const struct driver *driver, struct point from, struct point to)
+{
+    return unseen_between(driver, from, to) <= UNSEEN_SHARE;
 }
 
 /* One more that is to be seen, if it is not known yet. */
@@ -106,6 +116,7 @@ static uint32_t cost_of(const struct driver *driver, struct point point, uint32_
                           driver->aim_count;
     uint32_t cost, k;
     uint32_t in_sight = 0u;
+    uint32_t dim = 0u;
     if ((away_mm < (LEAST_MM + driver->farther_mm)) ||
         (away_mm > (MOST_MM + driver->farther_mm))) {
         return FIELD_NO_PATH;
@@ -118,13 +129,18 @@ static uint32_t cost_of(const struct driver *driver, struct point point, uint32_
         return FIELD_NO_PATH;
     }
     for (k = 0u; (k < driver->aim_count) && (cost < best); k++) {
-        if (views_are_in_sight(driver, point, driver->aims[k])) {
+        const uint32_t unseen = unseen_between(driver, point, driver->aims[k]);
+        if (unseen <= UNSEEN_SHARE) {
             in_sight++;
         } else {
+            dim += (unseen < BARRED) ? 1u : 0u;
             cost += each;
         }
     }
-    return (in_sight > 0u) ? cost : FIELD_NO_PATH;
+    if (in_sight > 0u) {
+        return cost;
+    }
+    return (dim > 0u) ? (DIM_COST + (cost / 2u)) : FIELD_NO_PATH;
 }
 
 void views_begin(struct driver *driver)

@@ -21,7 +21,7 @@ from core.saved.encoding import Arrays, bytes_from_arrays
 from hw.device import Port
 from logs import LOG
 from recording.ports import abilities, recorded
-from recording.process import LAST_S, WriterProcess
+from recording.process import WriterProcess
 from recording.records import (
     ASK,
     ASKED,
@@ -41,6 +41,7 @@ from recording.tap import AnyTap, Tap
 REPORTS_S = 1.0  # the writer's reports are read so often
 FLIGHT_AFTER_S = 1.0  # of what follows is in it, too: the robot comes to rest
 FLIGHT_PAUSE_S = 10.0  # from one flight that is kept by itself to the next
+LAST_S = 3.0  # that the end of the program waits, for the writer to take all and to end
 
 
 class Troubles:
@@ -192,10 +193,10 @@ class Recorder:
 
     def close(self) -> None:
         """The run is over: what is still on its way is written."""
-        LOG.also = None
+        LOG.also, until_s = None, time.monotonic() + LAST_S
         self._tap.end(LAST_S)
         if self._maybe_process is not None:
-            if not self._maybe_process.close():
+            if not self._maybe_process.close(until_s - time.monotonic()):
                 LOG.warning("recording_not_finished", waited_s=LAST_S)
             self._read_reports()
             self._maybe_process.let_go()

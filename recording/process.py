@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 PIPE_BYTES = 1 << 20
-LAST_S = 3.0  # that the end of the program waits for it
 
 
 class WriterProcess:
@@ -54,12 +53,12 @@ class WriterProcess:
         *lines, self._said = self._said.split(b"\n")
         return [json.loads(line) for line in lines]
 
-    def close(self) -> bool:
-        """No more comes. Whether it has ended in time; else it does so by itself."""
+    def close(self, wait_s: float) -> bool:
+        """No more comes. Whether it has ended within that time; else it does so by itself."""
         with contextlib.suppress(OSError):
             self._stdin.close()
         try:
-            self._process.wait(LAST_S)
+            self._process.wait(max(0.0, wait_s))
         except subprocess.TimeoutExpired:
             return False
         return True

@@ -1,13 +1,16 @@
 """What a recorded app tells beside its calls: its state now and then, and what went wrong."""
 
 import json
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+import pytest
 
+import recorder
 from fakes.scenes.scene import Scene, Solid
 from recording.foxglove import Messages, RobotShape
 from recording.packing import Heights, scan_from, state_from
+from recording.process import WriterProcess
 from recording.records import FLIGHT, HEIGHTS, SCAN, STATE, Record
 from tests.support.robot.recorded import ListTap, RecordedLoop
 from tests.support.robot.shipped import FLOOR, shipped
@@ -93,3 +96,28 @@ def test_a_device_that_is_lost_is_worth_one_flight_in_ten_seconds() -> None:
     loop.wires["ahrs"].cut = True
     loop.run(0.5)
     assert len(flights(loop)) == 2
+
+
+def test_the_end_waits_for_a_slow_writer_once_and_no_longer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now_s, waited_s = [100.0], list[float]()
+
+    class SlowTap(ListTap):
+        def end(self, wait_s: float) -> None:
+            now_s[0] += wait_s - 0.5
+
+    class SlowProcess:
+        def close(self, wait_s: float) -> bool:
+            waited_s.append(wait_s)
+            return False
+
+        def reports(self) -> list[dict[str, Any]]:
+            return []
+
+        def let_go(self) -> None: ...
+
+    monkeypatch.setattr("recorder.time.monotonic", lambda: now_s[0])
+    process = cast(WriterProcess, SlowProcess())
+    recorder.Recorder(shipped(), "0.1", SlowTap(lambda: 0.0), process).close()
+    assert waited_s == [0.5]

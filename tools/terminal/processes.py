@@ -22,7 +22,7 @@ from tools.settings import rewritten
 
 READY_S = 60.0  # compiling the kernels anew fits in
 FIRST_MAP_S = 120.0  # of an app; compiling the kernels anew fits in
-GRACE_S = 5.0  # to end when asked to
+GRACE_S = 15.0  # to end when asked to: an app waits 3 s for its writer, and others may be busy here
 TAIL_LINES = 25
 PR_SET_PDEATHSIG = 1
 ENDED_WELL = (0, 130, -signal.SIGINT)

@@ -16,6 +16,7 @@ from core.records import I64
 from core.run_settings import Robot
 
 LAG = 2.0  # a motor that lags behind what it was told changes its speed so much faster
+GRIP_MPS2 = 9.0  # no wheel brakes harder: dry rubber, friction of 0.9
 TILT_RAD = math.radians(0.5)  # by so much may the told tilt be off: sheet, static accuracy
 LIFTED_RAD = 0.06  # roll or pitch that changes more: something else than wheels moves the body
 ASIDE_RAD = 0.05  # a body that brakes goes aside of where it points
@@ -68,14 +69,14 @@ def rolled_m(
     """The farthest way with a speed of v_mps, or against one below 0; metres.
 
     While its motors may have power it speeds up, to its fastest; then it slows down. Below 0: so
-    far at least it has gone the other way, for no brake is stronger than LAG times its own.
+    far at least it has gone the other way: its wheels may have locked.
 
     Args:
         slope_mps2: what it rolls faster by downhill, none uphill: how it brakes there is not known.
     """
     accel, brake, back_m = LAG * robot.max_accel_mps2, robot.brake_mps2, 0.0
     if v_mps < 0.0:  # it may turn round
-        stops = LAG * brake + slope_mps2
+        stops = GRIP_MPS2 + slope_mps2
         stopped_s = min(passed_s, -v_mps / stops)
         back_m = v_mps * stopped_s + stops * stopped_s**2 / 2
         powered_s, passed_s, v_mps = max(0.0, powered_s - stopped_s), passed_s - stopped_s, 0.0

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.motion.attitude import AttitudeRing
-from core.motion.shift import LAG, LIFTED_RAD, Gap, Shift, maybe_shift
+from core.motion.shift import GRIP_MPS2, LAG, LIFTED_RAD, Gap, Shift, maybe_shift
 from tests.core.motion.test_attitude import attitude
 from tests.support.cases import examples
 from tests.support.robot.shipped import shipped
@@ -42,10 +42,11 @@ def rolled(
         push = pushes[k * len(pushes) // steps]
         if k * STEP_S < seconds - off_s:
             slows = push * v_mps < 0.0
-            v_mps += push * (ROBOT.brake_mps2 if slows else ROBOT.max_accel_mps2) * LAG * STEP_S
+            v_mps += push * (GRIP_MPS2 if slows else LAG * ROBOT.max_accel_mps2) * STEP_S
             v_mps = max(-ROBOT.max_speed_mps, min(ROBOT.max_speed_mps, v_mps))
         else:  # it brakes at least as the settings say
-            brakes = (1.0 + abs(push)) * ROBOT.brake_mps2 * STEP_S
+            least_mps2 = ROBOT.brake_mps2
+            brakes = (least_mps2 + abs(push) * (GRIP_MPS2 - least_mps2)) * STEP_S
             v_mps -= math.copysign(min(abs(v_mps), brakes), v_mps)
         v_mps += slope_mps2 * STEP_S
         yaw_rad = 1.0 + w_radps * (k + 0.5) * STEP_S
@@ -127,7 +128,7 @@ def test_nothing_is_known_of_a_robot_without_attitude_lifted_or_away_for_long() 
         assert maybe_shift(gap._replace(unpowered_s=unpowered_s), level, 0.0, ROBOT) is None
     still = maybe_shift(Gap(0.1, 0.4, 7.9, 0.5, False, 0.0), turning(0.0, 8.0), 0.0, ROBOT)
     assert still is not None, "it has stood for seven seconds"
-    assert still.half_m == pytest.approx(known.half_m, abs=0.2)
+    assert still.half_m < known.half_m + 0.3
     powered = Gap(0.1, 2.4, 2.9, 0.5, False, 0.0)
     assert maybe_shift(powered, turning(0.0, 3.0), 0.0, ROBOT) is None
     assert maybe_shift(gap, turning(5.0, 1.0), 0.0, ROBOT) is None  # it has turned about

@@ -32,6 +32,7 @@ from tools.rig.planner.host import library
 from tools.rig.runs.one_run import LIMIT_S, Run, RunSpec
 from tools.rig.runs.outcomes import Outcome, as_json, counts, is_well, show
 from tools.rig.runs.record import Recorder, facts_of, recorded_run, result_from_facts
+from tools.rig.runs.sheet import draw_sheet
 from tools.rig.runs.watch import Watcher
 from tools.sweep.cluster import DaskCluster
 from tools.sweep.code import code_digest, digest_of
@@ -204,7 +205,10 @@ def run_all(
 def record_misses(
     options: argparse.Namespace, outcomes: Sequence[Outcome], console: Console
 ) -> None:
-    """Run what crashed, collided or missed a goal once more, and record it, with a picture."""
+    """Run what crashed, collided or missed a goal once more, and record it, with a picture.
+
+    `misses.png` in their folder has all pictures on one sheet, with the causes.
+    """
     tasks = [
         Task(outcome.number, outcome.spec, folder_of(options.misses, outcome.number))
         for outcome in outcomes
@@ -213,13 +217,17 @@ def record_misses(
     if not tasks:
         return
     console.print(f"recording {len(tasks)} of these runs in {options.misses}, each with a picture")
-    running = Outcomes(tasks).missing(LocalProcesses(options.jobs))
+    running, drawn = Outcomes(tasks).missing(LocalProcesses(options.jobs)), list[Path]()
     for outcome in with_bar(console, len(tasks), running, counts):
-        if outcome.crash:
+        if not outcome.crash:
+            drawn.append(folder_of(options.misses, outcome.number))
+        else:
             console.print(
                 f"run {outcome.number} was not recorded: {outcome.crash.splitlines()[-1]}",
                 markup=False,
             )
+    if drawn:
+        draw_sheet(sorted(drawn), options.misses / "misses.png")
 
 
 def main(arguments: Sequence[str]) -> int:

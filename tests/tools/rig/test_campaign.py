@@ -26,6 +26,7 @@ from tools.rig.runs.one_run import FIRST_GOAL_S, GIVEN_UP_S, Run, RunResult, Run
 from tools.rig.runs.outcomes import Outcome, as_json, is_well, show
 from tools.rig.runs.picture import draw_run
 from tools.rig.runs.record import Recorder
+from tools.rig.runs.sheet import words_of
 from tools.rig.runs.watch import Watcher, image_of, line_of, picture
 from tools.sweep.local import LocalProcesses
 
@@ -202,8 +203,10 @@ def test_a_run_that_missed_its_goals_is_recorded_once_more_with_a_picture(
     assert campaign.main([*short, "--misses", str(tmp_path)]) == 1
     assert "recording 1 of these runs" in capsys.readouterr().out
     assert json.loads((tmp_path / "run_000" / "run.json").read_text())["missed"]
-    with Image.open(tmp_path / "run_000" / "picture.png") as picture:
-        assert picture.size > (100, 100)
+    for name in ("run_000/picture.png", "misses.png"):
+        with Image.open(tmp_path / name) as picture:
+            assert picture.size > (100, 100)
+    assert words_of(tmp_path / "run_000").startswith("run_000, passage; goal 1: ")
 
 
 def test_the_report_tells_how_to_repeat(arrived: RunResult, caught: Caught) -> None:

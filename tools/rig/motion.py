@@ -27,7 +27,7 @@ from core.geometry import wrapped
 from core.motion.attitude import AttitudeRing
 from core.motion.error_state import TILT, YAW
 from core.motion.odometry import Odometry
-from core.records import F64, Attitude, WheelCounts
+from core.records import F64, Attitude
 from tools.rig.runs.loop import SHIPPED
 from tools.rig.runs.motion_drives import HZ, SENSORS, Drive, carried, drive_of, names
 
@@ -54,11 +54,7 @@ def followed(
     """Filter and odometry after each sample."""
     robot, ring = config.robot, AttitudeRing(0.0, 0.0, 0.0, levels=True)
     wheel = robot.wheel_radius_m, robot.encoder_ppr, robot.gear_ratio, robot.track_width_m
-    odometry, at = Odometry(ring, *wheel), 0
-    counts = [
-        WheelCounts(t_s, left, right, int(n), unpowered_s, bool(off))
-        for t_s, left, right, n, unpowered_s, off in drive.counts.tolist()
-    ]
+    odometry, counts, at = Odometry(ring, *wheel), drive.wheel_counts(), 0
     for k, attitude in enumerate(said):
         ring.add(attitude)
         while at < len(counts) and counts[at].t_s <= attitude.t_s:

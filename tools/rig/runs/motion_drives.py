@@ -51,6 +51,12 @@ class Drive:
     steel: F64  # (n, 3, 3) what steel makes of the earth's field
     counts: F64  # (m, 6) the fields of WheelCounts
 
+    def wheel_counts(self) -> list[WheelCounts]:
+        return [
+            WheelCounts(t_s, left, right, int(restarts), unpowered_s, bool(cut_off))
+            for t_s, left, right, restarts, unpowered_s, cut_off in self.counts.tolist()
+        ]
+
     def save(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez_compressed(path, **{part.name: getattr(self, part.name) for part in fields(self)})

@@ -182,6 +182,7 @@ static struct motion back(struct driver *driver, const struct limits *limits)
     struct motion motion = {0, 0};
     driver->why = (uint8_t)DRIVER_WHY_BACKS;
     driver->back_mm -= (magnitude(driver->moves.v_mmps) * (int32_t)DRIVER_PERIOD_MS) / 1000;
+    /* what it is to face must lie beyond the line: the whole way; else only until it can turn */
     if ((driver->then != RECOVERY_NONE) && (driver->then != RECOVERY_FACE) &&
         (apart_mm(driver->begun, driver->place.at) >= TURN_MM) && recovery_has_room(driver)) {
         recovery_begin(driver, (enum recovery)driver->then);

@@ -25,8 +25,8 @@ MAX_ANSWER = 16  # characters of a query's lines run together; a longer line is 
 NO_ECHO = "no echo: off, not connected, or not in RS-232 mode"
 NO_VALUE = "no value after the echo"
 NO_LINE = "bytes, but never a clean line: check baud rate, parity E and 7 bits"
-# a line that comes only from a controller that starts up, or is in R/C or analog mode
 is_logging = re.compile(r":[0-9A-F]{16,}\Z").match  # whole, as no damage makes it
+# a line that comes only from a controller that starts up, or is in R/C or analog mode
 is_start_up = re.compile(rf"OK\Z|:|.{{{MAX_ANSWER + 1}}}", re.DOTALL).match
 KNOWN_LINE = re.compile(r"OK|[+-]|[0-9A-Fa-f]{1,8}|:[0-9A-Fa-f]+|[?^!][0-9A-Za-z]{1,3}")
 
@@ -43,6 +43,16 @@ class CounterStream:
     identity: int | None = None
     controller: ControllerState = field(default_factory=ControllerState)
     remark: str = ""  # while running
+
+    def lose_zero(self, unpowered_s: float, *, by_other: bool = False) -> None:
+        self.zero_lost, self.unpowered_s = True, min(self.unpowered_s, unpowered_s)
+        self.by_other |= by_other
+
+    def take_lost_zero(self) -> tuple[float, bool]:
+        """`unpowered_s` and `by_other` of what was lost until now."""
+        told = self.unpowered_s, self.by_other
+        self.zero_lost, self.unpowered_s, self.by_other = False, math.inf, False
+        return told
 
 
 class AnswerTimes:
@@ -122,16 +132,11 @@ class Conversation:
         self.entered = False
         if not line.text.startswith(":"):
             # its end: what came last before the restart may be its beginning
-            self._lose_zero(self.exchange.now_s - RESTART_S)
+            self._stream.lose_zero(self.exchange.now_s - RESTART_S)
         elif is_logging(line.text):  # in R/C mode, in which nobody but a radio moves anything
-            self._lose_zero(line.began_s, by_other=True)
+            self._stream.lose_zero(line.began_s, by_other=True)
         else:
-            self._lose_zero(math.inf, by_other=True)
-
-    def _lose_zero(self, unpowered_s: float, *, by_other: bool = False) -> None:
-        stream = self._stream
-        stream.zero_lost, stream.unpowered_s = True, min(stream.unpowered_s, unpowered_s)
-        stream.by_other |= by_other
+            self._stream.lose_zero(math.inf, by_other=True)
 
     def enter(self) -> Steps[None]:
         """RS-232 mode by ten CR in a row; more, in case it was still starting up."""
@@ -142,7 +147,7 @@ class Conversation:
         before, self.expects_restart = self.expects_restart, True
         if (yield from self.exchange.ask(CR, maybe_ok, CR_EVERY_S, CR_COUNT)):
             # only a restart can have brought R/C mode, in which its radio drives
-            self._lose_zero(self.exchange.now_s, by_other=True)
+            self._stream.lose_zero(self.exchange.now_s, by_other=True)
             self.entered = True
             yield from self.exchange.turn(self.stop_motors())
         self.expects_restart = before

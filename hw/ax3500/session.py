@@ -340,8 +340,8 @@ class Ax3500(Device[WheelCounts]):
         def new_session() -> Session:
             if listen is not None:
                 return listen(status, self.stream)
-            may_enter = options.enter_rs232
-            return Ax3500Session(status, self.stream, self.motors, poll_hz, may_enter).run()
+            parts = status, self.stream, self.motors, poll_hz, options.enter_rs232
+            return Ax3500Session(*parts).run()
 
         super().__init__(status, port, LineParser, new_session)
 
@@ -382,10 +382,8 @@ class Ax3500(Device[WheelCounts]):
 
     def _measure(self, now_s: float, events: list[Any]) -> list[WheelCounts]:
         if self.stream.zero_lost:
-            by_other = self.stream.by_other and self._has_radio
-            self._counters.forget_zero(self.stream.unpowered_s, by_other=by_other)
-            self.stream.zero_lost = self.stream.by_other = False
-            self.stream.unpowered_s = math.inf
+            unpowered_s, by_other = self.stream.take_lost_zero()
+            self._counters.forget_zero(unpowered_s, by_other=by_other and self._has_radio)
         self.emergency_stop = bool(self.stream.controller.emergency_stop)
         if not self.stream.readings:
             return []

@@ -18,12 +18,13 @@ from core.grid.ring import RingGrid, cells_about
 from core.records import F64, FREE, I8, I32, UNKNOWN
 from jit import allocating_kernel, kernel
 
-STEP_CELLS = 0.5  # of the sweep
+STEP_CELLS = 0.5  # of the sweep,
+PARTS = 8  # of a step, at each of which a near cell counts: a corner may clip it in between
 STRIDE_M = 0.2  # of its way, for which cells that are near are looked for once
 LONGEST_M = 10.0  # sweep
 TOUCH_M = 1e-9  # an edge in common is no contact
 SLACK_M = 0.02  # beside a wall within the margin, nobody goes along quite straight
-HALVINGS = 6  # of a step, to find where it met a cell
+HALVINGS = 3  # of a part, to find where it met a cell
 STANDING_MPS = 1e-6
 SLOWEST_MPS = 0.03  # below this there is no going
 
@@ -219,21 +220,27 @@ def _free_path(
     rect: Rect,
     motion: Motion,
     span: tuple[float, float],
-    rate: float,
+    pace: tuple[float, float],
     limit: tuple[float, float],
     best: float,
 ) -> float:
-    """How far the robot gets before a cell that is in the way at the end of a span; inf: it is not.
+    """How far the robot gets before a cell that comes in the way in a span; inf: it does not.
 
-    then: the place at that end, its heading. rate: metres per second. limit: that of the cell
-    (`_limits`). best: inf also where it leaves no less.
+    then: the place at that end, its heading. pace: metres per second, and how far an edge gets in
+    a span. limit: that of the cell (`_limits`). best: inf also where it leaves no less.
     """
-    least, taken = limit
+    (rate, drift), (least, taken) = pace, limit
     if rate * span[0] - taken >= best:
         return math.inf
-    if gap_along(cx, cy, half, then[0], then[1], rect) >= least - TOUCH_M:
+    if gap_along(cx, cy, half, then[0], then[1], rect) >= least + drift:
         return math.inf
-    return rate * _first(cx, cy, half, place, rect, motion, span, least) - taken
+    part = (span[1] - span[0]) / PARTS
+    for n in range(PARTS):
+        low, high = span[0] + n * part, span[0] + (n + 1) * part
+        at = _at(place, motion[0], motion[1], high)
+        if gap_to(cx, cy, half, at, rect) < least - TOUCH_M:
+            return rate * _first(cx, cy, half, place, rect, motion, (low, high), least) - taken
+    return math.inf
 
 
 @allocating_kernel
@@ -287,12 +294,13 @@ def _sweep(
     half, step = cell_m / 2, STEP_CELLS * cell_m
     stride = max(1, math.floor(STRIDE_M / step))
     half_s = (stride - 1) / 2 * step / rate  # from the middle of a stride to its ends
+    pace = rate, drift_m(rect, margin, motion, step / rate)
     within = margin + drift_m(rect, margin, motion, half_s)
     near, least, taken = np.empty((0, 3), np.int32), np.empty(0), np.empty(0)
     best, best_i, best_j, best_state = math.inf, 0, 0, FREE
     k = 0
     while k * step <= length + step + margin and max(0.0, (k - 1) * step - margin) < best:
-        span = ((k - 1) * step / rate, k * step / rate)
+        span = (max(0, k - 1) * step / rate, k * step / rate)
         if k % stride == 0:
             middle = _at(place, motion[0], motion[1], span[1] + half_s)
             near = cells_near(cells, window, cell_m, middle, rect, within, clear)
@@ -304,7 +312,7 @@ def _sweep(
             i, j = near[n, 0], near[n, 1]
             cx, cy = (i + 0.5) * cell_m, (j + 0.5) * cell_m
             free = max(0.0, _free_path(
-                cx, cy, half, place, then, rect, motion, span, rate, limit, best
+                cx, cy, half, place, then, rect, motion, span, pace, limit, best
             ))  # fmt: skip
             if free < best:
                 best, best_i, best_j, best_state = free, i, j, near[n, 2]

@@ -7,7 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from config_file import load_config, with_changes
-from core.driving import control, health, monitor
+from core.driving import control, health, monitor, stop_zone
 from core.driving.monitor import Monitor, Powers, Seen
 from core.driving.stall import STALLED
 from core.geometry import R_from_rpy, q_from_R
@@ -72,6 +72,7 @@ def test_no_limit_of_its_own_is_narrower_than_the_pilots() -> None:
     assert health.WHEELS_STALE_S < monitor.COUNTS_STALE_S
     assert math.cos(MAX_SLOPE_RAD) ** 2 > math.cos(monitor.MOST_TILT_RAD)
     assert control.LOOP_S + control.ORDER_S >= monitor.STOPPING_S
+    assert monitor.MET_M > stop_zone.SLACK_M
 
 
 def test_a_record_from_ahead_of_now_is_not_believed() -> None:

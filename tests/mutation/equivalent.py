@@ -135,8 +135,10 @@ EQUIVALENT: dict[str, str] = {
     f"{STOP_ZONE} cells_near: gap < within -> gap <= within": FLOATS,
     f"{STOP_ZONE} _free_path: rate * span[0] - taken >= best -> "
     "rate * span[0] - taken > best": LONGER,
-    f"{STOP_ZONE} _free_path: ..ong(cx, cy, half, then[0], then[1], rect) >= least - TOUCH_M -> "
-    "..long(cx, cy, half, then[0], then[1], rect) > least - TOUCH_M": FLOATS,
+    f"{STOP_ZONE} _free_path: ..along(cx, cy, half, then[0], then[1], rect) >= least + drift -> "
+    ".._along(cx, cy, half, then[0], then[1], rect) > least + drift": FLOATS,
+    f"{STOP_ZONE} _free_path: gap_to(cx, cy, half, at, rect) < least - TOUCH_M -> "
+    "gap_to(cx, cy, half, at, rect) <= least - TOUCH_M": FLOATS,
     f"{STOP_ZONE} _limits: gap >= margin - TOUCH_M -> gap > margin - TOUCH_M": FLOATS,
     f"{STOP_ZONE} _limits: gap < -TOUCH_M -> gap <= -TOUCH_M": FLOATS,
     f"{STOP_ZONE} _limits: gap < -TOUCH_M -> gap <= -TOUCH_M (2)": FLOATS,

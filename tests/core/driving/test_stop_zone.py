@@ -322,7 +322,7 @@ FINE_M, FINE_SIZE = 0.05, 165  # so fine that a stride of the sweep has several 
     from_mps=st.sampled_from([0.0, 0.7, 1.5]),
 )
 @example(  # out over the rear in no time, but the edge at the side is nearer
-    place=(-0.05, -0.06, 0.0),
+    place=(-0.005, -0.096, 0.0),
     rect=RECT,
     motion=(0.3, 0.0),
     drawn=(CELL_M, {(-2, 1): 1}),

@@ -24,15 +24,13 @@ from core.paths.cleaning.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
-from core.paths.cleaning.mending import mended
-from core.paths.cleaning.planned import Progress
 from core.paths.cleaning.seen_floor import SeenFloor, SweptFloor
 from core.paths.cleaning.things import GAP_M, Thing, before, outlines
 from core.paths.coverage.plan import plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
 from core.paths.records import Machine, Segment
-from core.records import F64, PathSegment
+from core.records import F64
 
 Goal = Literal["look", "sweep", "home", "wait", "done", "stuck"]
 Place = tuple[float, float, float]  # x, y, yaw
@@ -96,7 +94,6 @@ class Cleaning:
         self._looks, self._looks_in_all = Counter[Block](), Counter[Block]()  # at frontiers
         self._looked_at: dict[Block, tuple[float, float]] = {}
         self._rounds = self._tried = self._parted = 0
-        self._progress = Progress(())  # along the newest path that sweeps
         self._won_m2 = 0.0
 
     def see(self, view: F64, standing: Iterable[Polygon]) -> None:
@@ -109,7 +106,6 @@ class Cleaning:
         """The machine has gone there: no thing stands where it stands."""
         machine = self.settings.machine
         self.floor.vouch(disc(end[:2], machine.radius_m))
-        self._progress.step(end[0], end[1])
         if sweeps:
             line = shapely.LineString([begin[:2], end[:2]]) if begin[:2] != end[:2] else None
             band = shapely.Point(end[:2]) if line is None else line
@@ -118,10 +114,8 @@ class Cleaning:
     def has_work(self, place: Place) -> bool:
         """Whether a tool that goes ahead there sweeps floor that is not clean yet."""
         x, y, yaw = place
-        return self._sweeps_at(x + AHEAD_M * math.cos(yaw), y + AHEAD_M * math.sin(yaw))
-
-    def _sweeps_at(self, x: float, y: float) -> bool:
-        tool = disc((x, y), self.settings.machine.width_m / 2)
+        at = x + AHEAD_M * math.cos(yaw), y + AHEAD_M * math.sin(yaw)
+        tool = disc(at, self.settings.machine.width_m / 2)
         return self.clean.count_below(tool) * self.settings.cell_m**2 > SPECK_M2
 
     def free(self, things: Sequence[Thing]) -> BaseGeometry:
@@ -173,13 +167,7 @@ class Cleaning:
         if may_look and (task := self._look(space, graph, place)) is not None:
             return task
         self._rounds += may_look
-        task = None if may_look or self._tried else self._mend(space, graph, here)
-        task = task or self._sweep(free, space, here)
-        if task is None:
-            return self._home(free, space, graph, place)
-        told = [PathSegment(one.kind == "sweep", one.points) for one in task.segments]
-        self._progress = Progress(tuple(told))
-        return task
+        return self._sweep(free, space, here) or self._home(free, space, graph, place)
 
     def frontiers(self, things: Sequence[Thing]) -> set[Block]:
         """Names of the frontiers that there are."""
@@ -241,15 +229,6 @@ class Cleaning:
         if not any(segment.kind == "sweep" for segment in plan.segments):
             return None
         return Task("sweep", plan.segments)
-
-    def _mend(
-        self, space: Polygon, graph: VisibilityGraph, here: tuple[float, float]
-    ) -> Task | None:
-        """The rest of the newest path that sweeps, if it hangs together in the space."""
-        begin, at = shapely.get_coordinates(shapely.shortest_line(space, shapely.Point(here)))
-        segments = mended(self._progress.rest, begin, graph, self._sweeps_at)
-        to_begin = Segment("travel", np.array([at, begin]))
-        return Task("sweep", (to_begin, *segments)) if segments else None
 
     def _wait_for_more(self, free: BaseGeometry, space: Polygon, place: Place) -> Task | None:
         """Look round before it goes home, where much seen floor is parted off: people pass."""

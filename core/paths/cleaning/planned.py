@@ -43,11 +43,6 @@ class Progress:
         return self.ahead >= len(self._points)
 
     @property
-    def rest(self) -> F64:
-        """(n, 2): the points ahead, and the one before them."""
-        return self._points[max(0, self.ahead - 1) :]
-
-    @property
     def sweeps(self) -> bool:
         """Whether the tool works where the machine is now."""
         return not self.is_done and self.is_on_path and self._sweeps[self.ahead]

@@ -127,64 +127,6 @@ def test_a_gap_behind_a_thing_that_was_seen_from_one_side_may_be_more_of_it() ->
     assert not machine.cleaning.free([new_thing(corners)]).covers(before)
 
 
-def half_swept() -> tuple[Jumper, list[Thing], np.ndarray]:
-    """A machine that knows its room and has driven half of a plan; all things; the plan's rest."""
-    machine = Jumper()
-    machine.jump((0.0, 0.0, 0.0), False)
-    machine.cleaning.floor.vouch(shapely.get_coordinates(ROOM.exterior)[:-1])
-    known = [*machine.known, *(Thing(wall) for wall in _walls())]
-    task = machine.cleaning.plan(machine.place, known, may_look=False)
-    path = np.vstack([one.points for one in task.segments])
-    line = shapely.segmentize(shapely.LineString(path), STEP_M)
-    places = shapely.get_coordinates(line)
-    half = len(places) // 2
-    for x, y in places[:half].tolist():
-        machine.cleaning.drive(machine.place, (x, y, 0.0), True)
-        machine.place = (x, y, 0.0)
-    return machine, known, places[half - 1 :]
-
-
-def _walls() -> list[shapely.Polygon]:
-    ring = ROOM.buffer(0.1, join_style="mitre").difference(ROOM)
-    cut = shapely.box(*ROOM.centroid.coords[0], 9.0, 9.0)
-    return [ring.difference(cut), ring.intersection(cut)]
-
-
-def test_barred_by_what_stands_a_little_nearer_it_goes_on_along_its_path() -> None:
-    machine, known, rest = half_swept()
-    nearer = [*known[1:], Thing(BOXES[0].buffer(0.03, join_style="mitre"))]
-    task = machine.cleaning.plan(machine.place, nearer, may_look=False)
-    path = np.vstack([one.points for one in task.segments])
-    assert task.goal == "sweep"
-    assert shapely.LineString(rest).buffer(0.12).covers(shapely.LineString(path))
-    swept = machine.cleaning.clean.area()
-    worth = [
-        shapely.LineString(one).buffer(MACHINE.width_m / 2).difference(swept).area
-        for one in (rest, path)
-    ]
-    assert worth[1] > 0.97 * worth[0]
-
-
-def test_barred_again_before_it_has_won_anything_it_plans_anew() -> None:
-    machine, known, rest = half_swept()
-    along = shapely.LineString(rest).buffer(0.12)
-    paths = [
-        np.vstack([one.points for one in task.segments])
-        for task in (machine.cleaning.plan(machine.place, known, False) for _ in range(2))
-    ]
-    assert [along.covers(shapely.LineString(path)) for path in paths] == [True, False]
-
-
-def test_a_path_that_is_broken_up_is_planned_anew() -> None:
-    machine, known, rest = half_swept()
-    middle = shapely.Point(rest[len(rest) // 2])
-    bars = [Thing(middle.buffer(0.4).difference(shapely.Point(machine.place[:2]).buffer(0.6)))]
-    task = machine.cleaning.plan(machine.place, [*known, *bars], may_look=False)
-    path = shapely.LineString(np.vstack([one.points for one in task.segments]))
-    assert task.goal == "sweep"
-    assert not shapely.LineString(rest).buffer(0.12).covers(path)
-
-
 def test_the_tool_has_work_where_floor_is_not_clean_and_no_more_behind_it() -> None:
     machine = Jumper()
     machine.jump((0.0, 0.0, 0.0), True)

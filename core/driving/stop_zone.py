@@ -293,7 +293,7 @@ def _sweep(
     kept = clearance(cells, window, cell_m, place, rect, margin, clear)
     half, step = cell_m / 2, STEP_CELLS * cell_m
     stride = max(1, math.floor(STRIDE_M / step))
-    half_s = (stride - 1) / 2 * step / rate  # from the middle of a stride to its ends
+    half_s = stride / 2 * step / rate  # from the middle of a stride to its ends
     pace = rate, drift_m(rect, margin, motion, step / rate)
     within = margin + drift_m(rect, margin, motion, half_s)
     near, least, taken = np.empty((0, 3), np.int32), np.empty(0), np.empty(0)
@@ -302,7 +302,7 @@ def _sweep(
     while k * step <= length + step + margin and max(0.0, (k - 1) * step - margin) < best:
         span = (max(0, k - 1) * step / rate, k * step / rate)
         if k % stride == 0:
-            middle = _at(place, motion[0], motion[1], span[1] + half_s)
+            middle = _at(place, motion[0], motion[1], span[0] + half_s)
             near = cells_near(cells, window, cell_m, middle, rect, within, clear)
             least, taken = _limits(near, cell_m, place, rect, motion, margin, kept)
         at = _at(place, motion[0], motion[1], span[1])

@@ -349,6 +349,13 @@ FINE_M, FINE_SIZE = 0.05, 165  # so fine that a stride of the sweep has several 
     drawn=(CELL_M, {(3, 0): 1, (3, -1): 1}),
     from_mps=0.7,
 )
+@example(  # met in the first step of a stride alone, and far from the middle of it
+    place=(-0.41628, -0.232627, 0.960485),
+    rect=RECT,
+    motion=(0.0, -0.3),
+    drawn=(CELL_M, {(1, 1): 1}),
+    from_mps=1.5,
+)
 def test_the_free_way_is_that_of_the_slow_model(
     place: Place,
     rect: Rect,

@@ -148,8 +148,7 @@ EQUIVALENT: dict[str, str] = {
     f"{STOP_ZONE} _sweep: 1 -> 2": STRIDES,
     f"{STOP_ZONE} _sweep: math.floor(STRIDE_M / step) -> math.ceil(STRIDE_M / step)": STRIDES,
     f"{STOP_ZONE} _sweep: STRIDE_M / step -> STRIDE_M * step": STRIDES,
-    f"{STOP_ZONE} _sweep: (stride - 1) / 2 -> (stride - 1) * 2": WIDER,
-    f"{STOP_ZONE} _sweep: stride - 1 -> stride + 1": WIDER,
+    f"{STOP_ZONE} _sweep: stride / 2 -> stride * 2": WIDER,
     f"{CONTROL}step: 0.0 -> 1.0 (2)": "what is beyond the way to a stop lets it go as it goes",
     "core/grid/window.py ObstacleWindow.__init__: -np.inf -> +np.inf": "it is read only of cells "
     "under which something lies",
@@ -165,7 +164,7 @@ EQUIVALENT: dict[str, str] = {
     "max(0.0, (k - 1) * step - margin) <= best": LONGER,
     f"{STOP_ZONE} _sweep: max(0.0, (k - 1) * step - margin) -> "
     "min(0.0, (k - 1) * step - margin)": LONGER,
-    f"{STOP_ZONE} _sweep: 1 -> 2 (3)": LONGER,
+    f"{STOP_ZONE} _sweep: 1 -> 2 (2)": LONGER,
     f"{STOP_ZONE} StopZone.allowed_mps: rate_mps >= SLOWEST_MPS -> rate_mps > SLOWEST_MPS": FLOATS,
     f"{ZONE}report: pose.yaw_rad + math.pi -> pose.yaw_rad - math.pi": "it is the same direction",
     f"{ZONE}_contact_s: 0.0 -> 1.0": LONGER,

@@ -24,11 +24,14 @@ from pathlib import Path
 
 from rich.console import Console
 
+from config_file import load_config
+from core.run_settings import Robot
 from fakes.scenes.mixed import MIXED
 from fakes.scenes.scene import campaign_scenes, load_scene
 from tools.rig.faults.catalogue import draw
 from tools.rig.planner.build import CompileError, MissingToolError, shipped_robot
 from tools.rig.planner.host import library
+from tools.rig.runs.loop import ROBOTS, SHIPPED
 from tools.rig.runs.one_run import LIMIT_S, Run, RunSpec
 from tools.rig.runs.outcomes import Outcome, as_json, counts, is_well, show
 from tools.rig.runs.record import Recorder, facts_of, recorded_run, result_from_facts
@@ -41,7 +44,7 @@ from tools.sweep.jobs import Scheduler, SchedulerError, with_bar
 from tools.sweep.local import LocalProcesses
 from tools.sweep.rows import FolderError, Row, Rows
 
-DECIDES = ("fakes", "tools/rig", "recording", "mapod.toml")  # a run, beside the app
+DECIDES = ("fakes", "tools/rig", "recording", "mapod.toml", "robots")  # a run, beside the app
 WIDE = 120  # columns, without a screen
 
 
@@ -55,11 +58,12 @@ class Task:
 
 
 def spec_of(
-    seed: int, number: int, scenes: Sequence[str], faults: int = 0, limit_s: float = LIMIT_S
-) -> RunSpec:
+    seed: int, number: int, scenes: Sequence[str], faults: int = 0, limit_s: float = LIMIT_S,
+    robot: str = "",
+) -> RunSpec:  # fmt: skip
     own = random.Random(f"run {seed} {number}").randrange(1, 10**6)
     orders = tuple(draw(own, faults)) if faults else ()
-    return RunSpec(scenes[number % len(scenes)], own, orders, limit_s)
+    return RunSpec(scenes[number % len(scenes)], own, orders, limit_s, robot)
 
 
 def outcome_of(task: Task, *each: Callable[[Run], None]) -> Outcome:
@@ -84,7 +88,8 @@ def tasks_by_key(tasks: Iterable[Task]) -> dict[str, Task]:
     for task in tasks:
         spec, scene = task.spec, Path(str(task.spec.scene))
         own = scene.read_bytes() if scene.is_file() else b""
-        facts = (str(spec.scene), spec.seed, spec.faults, spec.limit_s, str(task.folder))
+        what = (str(spec.scene), spec.seed, spec.faults, spec.limit_s, spec.robot)
+        facts = (*what, str(task.folder))
         found[digest_of(code, repr(facts), own)] = task
     return found
 
@@ -121,6 +126,7 @@ def arguments_of(arguments: Sequence[str]) -> argparse.Namespace:
     add("--only", type=int, help="this run alone")
     add("--scene", help="all runs in this one, a name or a file")
     add("--mixed", action="store_true", help="in rooms by chance, with things of all scenes")
+    add("--robot", default="", help="another one, of robots/, on the same body: urg04lx")
     add("--faults", type=int, default=0, help="by chance, in each run (0)")
     add("--limit", type=float, default=LIMIT_S, help="simulated seconds of a run")
     add("--watch", action="store_true", help="a live picture of one run")
@@ -144,8 +150,26 @@ def folder_of(root: Path, number: int) -> Path:
     return root / f"run_{number:03d}"
 
 
+def driven() -> list[str]:
+    """Robots of robots/ on the body and the wheels of the shipped one: its planner drives them."""
+    shipped, found = load_config(SHIPPED.read_text(encoding="utf-8")), list[str]()
+    for path in sorted(ROBOTS.glob("*.toml")):
+        config = load_config(path.read_text(encoding="utf-8"))
+        if config.drive == shipped.drive and body_of(config.robot) == body_of(shipped.robot):
+            found.append(path.stem)
+    return found
+
+
+def body_of(robot: Robot) -> tuple[float, ...]:
+    """Its footprint and height, and its wheels."""
+    wheels = robot.wheel_radius_m, robot.encoder_ppr, robot.gear_ratio, robot.track_width_m
+    return robot.front_m, robot.rear_m, robot.width_m, robot.height_m, *wheels
+
+
 def tasks_of(options: argparse.Namespace) -> list[Task]:
-    """Raises OSError, ValueError: no such scene, or one without goals."""
+    """Raises OSError, ValueError: no such scene, or one without goals; no such robot."""
+    if options.robot not in ("", *driven()):
+        raise ValueError(f"--robot: must be one of {', '.join(driven())}, is {options.robot!r}")
     scenes = [options.scene] if options.scene else list(campaign_scenes())
     for scene in scenes:
         if not load_scene(scene, 1).goals:
@@ -158,7 +182,7 @@ def tasks_of(options: argparse.Namespace) -> list[Task]:
     return [
         Task(
             number,
-            spec_of(options.seed, number, scenes, options.faults, options.limit),
+            spec_of(options.seed, number, scenes, options.faults, options.limit, options.robot),
             folder_of(options.record, number) if options.record else None,
         )
         for number in numbers
@@ -169,7 +193,9 @@ def again(options: argparse.Namespace) -> str:
     words = ["make campaign ONLY={number}", f"SEED={options.seed}", "WATCH=1"]
     words += [f"SCENE={options.scene}"] if options.scene else []
     words += [f"FAULTS={options.faults}"] if options.faults else []
-    words += [f'ARGS="--limit {options.limit:g}"'] if options.limit != LIMIT_S else []
+    more = [f"--robot {options.robot}"] if options.robot else []
+    more += [f"--limit {options.limit:g}"] if options.limit != LIMIT_S else []
+    words += [f'ARGS="{" ".join(more)}"'] if more else []
     return " ".join(words)
 
 
@@ -178,7 +204,8 @@ def kept_rows(options: argparse.Namespace) -> contextlib.AbstractContextManager[
     if options.resume is None:
         return contextlib.nullcontext()
     what = {"kind": "campaign", "seed": options.seed, "scene": options.scene}
-    return Rows(options.resume, what | {"faults": options.faults, "limit_s": options.limit})
+    what |= {"faults": options.faults, "limit_s": options.limit, "robot": options.robot}
+    return Rows(options.resume, what)
 
 
 def run_all(

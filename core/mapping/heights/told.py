@@ -47,18 +47,21 @@ class Heights(NamedTuple):
     def told_at(self, at: I64) -> tuple[F64, F64]:
         """Heights (n,) and their variances, of what stands, else of the ground; NaN: none.
 
-        Without filters, or where nothing is in them, the highest return is what stands.
+        A cell that shows both is as high as what ends more of its beams. Without filters, or where
+        nothing is in them, the highest return is what stands.
         """
         of = self.cells.reshape(-1)[at]
         height_m, var_m2 = self._tops_m(of), of["var_m2"].astype(float)
         if self.uppers.size > 0:
             uppers, stands, seen = self.uppers[at], of["stands"] > 0.0, of["looks"] > 0
             is_upper = np.isfinite(uppers["var_m2"]) & (stands | ~seen)
+            is_floor = is_upper & seen & (uppers["balance"] < 0)  # in more than half of it
             is_single = (uppers["below_m"] == 0.0) & ~seen
             is_sure = (uppers["agreed"] > 0) | (of["stands"] >= LIKELY) | is_single
             upper_m = np.where(is_sure, uppers["z_m"] - self._tilt_m(uppers), np.nan)
             height_m = np.where(is_upper, upper_m, height_m)
-            var_m2 = np.where(is_upper, uppers["var_m2"], var_m2)
+            height_m = np.where(is_floor, self._ground_m(of), height_m)
+            var_m2 = np.where(is_upper & ~is_floor, uppers["var_m2"], var_m2)
         return height_m, np.where(np.isnan(height_m), np.nan, var_m2)
 
     def ground_at(self, at: I64) -> Ground:

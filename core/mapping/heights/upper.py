@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from core.mapping.surface.cells import Surface
 from core.mapping.surface.constants import *
-from core.mapping.surface.sweep import ABOVE, NONE
+from core.mapping.surface.sweep import ABOVE, FLOOR, NONE
 from jit import Records, kernel, records
 
 Uppers = npt.NDArray[Any]  # flat, of UPPER; of no cell where no height is filtered
@@ -32,9 +32,11 @@ UPPER = np.dtype(
         ("arm_m", np.float32),  # how far ahead it was seen, and how far had been driven
         ("aside_m", np.float32),
         ("agreed", np.uint8),  # 1: a second return agrees with it
+        ("balance", np.int8),  # returns that are not of floor, less those of floor
     ],
     align=True,
 )
+EVEN = 16  # returns in a row outweigh whatever a cell has shown before
 BLANK_UPPER = np.zeros((), dtype=UPPER)
 BLANK_UPPER["var_m2"] = math.inf
 NO_UPPERS: Uppers = records(UPPER, 0)
@@ -42,15 +44,22 @@ NO_UPPERS: Uppers = records(UPPER, 0)
 
 @kernel
 def see_uppers(returns: Records, surface: Surface) -> None:
-    """Returns of a sweep that are not of floor, nor far below it, into the filters."""
+    """Returns of a sweep that are not of floor, nor far below it, into the filters.
+
+    Those of floor are counted against them.
+    """
     if surface.uppers.size == 0:
         return
     own = surface.own
     for b in range(returns.size):
         one = returns[b]
-        if one.at < 0 or (one.kind != ABOVE and one.kind != NONE):
+        if one.at < 0 or (one.kind != ABOVE and one.kind != NONE and one.kind != FLOOR):
             continue
         upper, arm = surface.uppers[one.at], one.ahead_m + surface.stand.travel_m
+        if one.kind == FLOOR:
+            upper.balance = max(-EVEN, upper.balance - 1)
+            continue
+        upper.balance = min(EVEN, upper.balance + 1)
         z, noise = one.z_m + own[3] * arm + own[4] * one.aside_m, one.noise_m2
         off, together = z - upper.z_m, upper.var_m2 + noise
         if upper.var_m2 < math.inf and abs(off) <= GATE * math.sqrt(together):

@@ -43,7 +43,7 @@ def vote(at: int, say: float, surface: Surface) -> None:
     if before > CLEAR >= cell.stands and cell.top_m > -math.inf:
         cell.low_m, cell.top_m, cell.soft = math.inf, -math.inf, 0.0
         if surface.uppers.size > 0:
-            surface.uppers[at].var_m2 = math.inf
+            surface.uppers[at].var_m2, surface.uppers[at].balance = math.inf, 0
 
 
 @kernel

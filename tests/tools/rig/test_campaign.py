@@ -268,3 +268,15 @@ def test_mixed_scenes_are_a_campaign_of_their_own(capsys: Capsys) -> None:
     with pytest.raises(SystemExit, match="2"):
         campaign.arguments_of(["--mixed", "--scene", "hall"])
     assert "no --scene with it" in capsys.readouterr().err
+
+
+def test_another_robot_on_the_same_body_drives_a_campaign_of_its_own(capsys: Capsys) -> None:
+    options = campaign.arguments_of(["--robot", "urg04lx", "--runs", "1", "--limit", "2"])
+    (task,) = campaign.tasks_of(options)
+    assert 'ARGS="--robot urg04lx --limit 2"' in campaign.again(options)
+    usual = dataclasses.replace(task, spec=dataclasses.replace(task.spec, robot=""))
+    assert len(campaign.tasks_by_key([task, usual])) == 2
+    assert Run(task.spec, BlindPilot()).loop.config.scanner.driver == "urg04lx"
+    for robot in ("messor", "nobody"):
+        assert campaign.main(["--robot", robot]) == 2
+        assert f"must be one of urg04lx, is '{robot}'" in capsys.readouterr().err

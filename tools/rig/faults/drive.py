@@ -20,13 +20,12 @@ from core.records import FREE
 from fakes.planner_mcu.receiver import FakePlanner
 from fakes.scenes.scene import Scene, Solid
 from tools.rig.faults.catalogue import Fault
-from tools.rig.runs.loop import SHIPPED, Loop, rig_config
+from tools.rig.runs.loop import Loop, rig_config, settings_of
 from tools.rig.truth.contact import Footprint
 from tools.rig.truth.judge import Judge, truth_of
 
 F64 = npt.NDArray[np.float64]
 
-ROBOTS = SHIPPED.with_name("robots")
 ASK_S, VALID_S = 0.1, 0.3  # between two requests, and of each
 PATIENCE_S, LET_GO_S = 1.5, 0.4  # standing in vain, and then without asking
 STEER_YAW, STEER_Y = 1.0, 0.4  # rad/s for each rad, and for each metre beside the middle
@@ -167,7 +166,7 @@ class Drive:
         self._course = course = course_of(robot)
         scene = scene or hall(course.box_x_m, course.start_clear_m)
         self.planner = Pusher(course.speed_mps)
-        config = rig_config(scene, ROBOTS / f"{robot}.toml" if robot else SHIPPED)
+        config = rig_config(scene, settings_of(robot))
         config = with_changes(config, **(changes or {}))
         self.loop = Loop(scene, seed, config, self.planner)
         self.loop.set_faults(orders)

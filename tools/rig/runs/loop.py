@@ -26,6 +26,7 @@ from mapod_link.receiver import Receiver
 from tools.settings import lens_of, wheels_of
 
 SHIPPED = Path(__file__).resolve().parents[3] / "mapod.toml"
+ROBOTS = SHIPPED.with_name("robots")  # the settings of others
 START_S = 1000.0
 SESSION = 0x5A17C0DE
 WATCHDOG = 0x02  # register 00 of a controller that a PC drives
@@ -74,6 +75,11 @@ def rig_config(scene: Scene, settings: Path = SHIPPED, *, radio: bool = False) -
         drive={"radio": radio},
         map={"cells": CELLS},
     )
+
+
+def settings_of(robot: str) -> Path:
+    """The file of a robot of robots/; "": the shipped one."""
+    return ROBOTS / f"{robot}.toml" if robot else SHIPPED
 
 
 class Loop:

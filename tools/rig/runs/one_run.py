@@ -17,7 +17,7 @@ from core.config import Config
 from fakes.scenes.scene import Scene, load_scene
 from fakes.world.error_models import as_the_sheets_say
 from tools.rig.planner.host import CPlanner, PlannerSettings, PlannerState
-from tools.rig.runs.loop import Loop, Planner
+from tools.rig.runs.loop import Loop, Planner, rig_config, settings_of
 from tools.rig.truth.judge import RATE_HZ, Contact, Judge, truth_of
 from tools.rig.truth.stops import Orders, Stop, StopWatch
 
@@ -47,6 +47,7 @@ class RunSpec:
     seed: int
     faults: tuple[str, ...] = ()
     limit_s: float = LIMIT_S
+    robot: str = ""  # of robots/; "": the shipped one
 
     @property
     def name(self) -> str:
@@ -108,7 +109,7 @@ class Goals:
 
 
 class Run:
-    """One run, a tick at a time; by default the planner in C, and settings as shipped."""
+    """One run, a tick at a time; by default the planner in C, and the settings of its robot."""
 
     def __init__(
         self,
@@ -123,6 +124,7 @@ class Run:
         clear_m = self.scene.start_clear_m
         self.pilot = pilot or CPlanner(PlannerSettings(start_clear_m=clear_m))
         errors = as_the_sheets_say(self.scene.errors)
+        config = config or rig_config(self.scene, settings_of(spec.robot))
         self.loop = new_loop(self.scene, spec.seed, config, self.pilot, errors=errors)
         self.loop.set_faults(spec.faults)
         self.judge = Judge(self.scene)

@@ -7,11 +7,11 @@ import pytest
 
 from core.grid.ring import RingGrid
 from core.mapping.heights.told import Heights
-from core.mapping.heights.upper import NO_UPPERS, see_uppers
+from core.mapping.heights.upper import EVEN, NO_UPPERS, see_uppers
 from core.mapping.surface.constants import MOST
 from core.mapping.surface.evidence import vote
 from core.mapping.surface.maps import SurfaceMaps
-from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, NONE
+from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, NONE, RETURN
 from core.records import F64
 from jit import Records, records
 from tests.support.maps.ground_cells import LIMITS, NOISE_M2, GroundCells, met
@@ -96,8 +96,54 @@ def test_what_has_gone_takes_its_height_along() -> None:
     assert told_m(ground, at, uppers)[0] == pytest.approx(0.3)
 
 
-@pytest.mark.parametrize("kind", [FLOOR, BELOW, HIGH])
-def test_floor_and_what_is_no_part_of_a_thing_tell_nothing(kind: int) -> None:
+def count(ground: GroundCells, at: int, kinds: str) -> None:
+    """Returns in one cell, one after the other: `F` of floor, `A` above it."""
+    returns = records(RETURN, len(kinds))
+    returns["kind"] = [FLOOR if kind == "F" else ABOVE for kind in kinds]
+    returns["at"], returns["z_m"], returns["noise_m2"] = at, 0.5, NOISE_M2
+    see_uppers(returns, ground.surface)
+
+
+@pytest.mark.parametrize(
+    ("kinds", "height_m"),
+    [
+        ("AAFF", 0.5),  # as many: the higher one
+        ("FAAF", 0.5),
+        ("FFAA", 0.5),  # whichever comes first
+        ("AAFFF", 0.1),
+        ("FFFAA", 0.1),
+        ("F" * 99 + "A" * EVEN, 0.5),  # it came there later
+        ("F" * 99 + "A" * (EVEN - 1), 0.1),
+        ("A" * 99 + "F" * EVEN, 0.5),
+        ("A" * 99 + "F" * (EVEN + 1), 0.1),
+    ],
+)
+def test_a_cell_that_an_edge_divides_is_as_high_as_most_of_its_returns(
+    kinds: str, height_m: float
+) -> None:
+    ground = GroundCells()
+    uppers = ground.filter_heights()
+    at = ground.lay(2, 0, 0.1, stands=0.5, top_m=0.4)
+    count(ground, at, kinds)
+    told = told_m(ground, at, uppers)
+    assert told[0] == pytest.approx(height_m)
+    assert (told[1] == pytest.approx(ground.cells["var_m2"][at])) == (height_m == 0.1)
+    assert told_m(ground, at, NO_UPPERS)[0] == pytest.approx(0.5)  # by this it is decided
+
+
+def test_what_has_gone_counts_no_more_against_floor() -> None:
+    ground = GroundCells()
+    uppers = ground.filter_heights()
+    at = ground.lay(2, 0, 0.1, stands=0.5, top_m=0.4)
+    count(ground, at, "A" * 9)
+    vote(at, -2.0 * MOST, ground.surface)
+    ground.cells["stands"][at] = 0.5
+    count(ground, at, "AAFFF")
+    assert told_m(ground, at, uppers)[0] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("kind", [BELOW, HIGH])
+def test_what_is_no_part_of_a_thing_tells_nothing(kind: int) -> None:
     ground = GroundCells()
     uppers = ground.filter_heights()
     returns = records(met(ground, 20.0, 0.41, 0.5).dtype, 2)

@@ -199,6 +199,7 @@ class StopZoneReport(Struct, frozen=True):
 
 
 OBJECT_STATIC, OBJECT_MOVED, OBJECT_MOVING = 1, 2, 3  # kinds: never moved, has moved, moves now
+OBJECT_WALL = 4  # a piece of a wall, from door to door
 
 
 class ObjectReport(Struct, frozen=True, eq=False):

@@ -18,7 +18,7 @@ OBJECTS_HEAD = struct.Struct("<BxHHHIII")  # geom_id, count, waiting, look age, 
 GONE_RECORD = struct.Struct("<HBBI")  # age, kind, corners, id
 RECORD = struct.Struct("<HBBIiihhhhBBBx")  # likewise, then place, heights, velocity, ...
 CORNER_BYTES, FEWEST_CORNERS, MOST_CORNERS = 4, 3, 64
-GONE, STATIC, MOVED, MOVING = 0, 1, 2, 3  # kinds; higher ones are of later days, and stand
+GONE, STATIC, MOVED, MOVING, WALL = range(5)  # kinds; higher ones are of later days, and stand
 ENLARGED = 1 << 0  # flag: the outline is larger than the object's own
 FARTHEST_MM, OLDEST_MS = 2_100_000_000, 0xFFFF
 MOST_HELD = 0xFFFF  # as many as can be told to be there
@@ -33,7 +33,7 @@ class LinkObject:
     """One object, map frame."""
 
     id: int  # never that of another object in one run of the sender
-    kind: int  # STATIC: has never moved, MOVED: has, MOVING: moves now; others stand
+    kind: int  # STATIC: has never moved, MOVED: has, MOVING: moves now, WALL; others stand
     outline_m: F64  # (n, 2) corners in order, counter-clockwise
     bottom_m: float  # above the floor
     top_m: float  # 32.767: that or more

@@ -7,6 +7,7 @@ Source: design, section 10; docs/objects.md, docs/object-map.md.
 
 import math
 from collections.abc import Callable
+from itertools import count
 
 import numpy as np
 from msgspec import Struct
@@ -21,6 +22,7 @@ from core.objects.vector_map.mapped import MapObject, box_of
 from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import MapUpdate, ObjectMap
 from core.objects.vector_map.warm import warm_object_map
+from core.objects.wall_reports import WallReports
 from core.records import (
     F64,
     I64,
@@ -35,6 +37,7 @@ from core.records import (
 
 SIGMA_HEIGHT_M, SIGMA_TILT_RAD = 0.03, 0.02  # of the lens over the floor, as a pose predicts it
 NEW, MOVES = 0.5, 1.0  # confidence in what no map holds yet, and in what was followed as it moved
+OF_OBJECT, OF_OBSTACLE, OF_WALL, KINDS_OF_ID = 0, 1, 2, 3  # what an id is of
 KINDS = {"static": OBJECT_STATIC, "moved": OBJECT_MOVED}
 NO_CELLS: I64 = np.zeros((0, 2), np.int64)
 NOTHING = (0.0, 0.0, 0.0), np.zeros((0, 3), np.float32), np.zeros(0, np.float32), NO_CELLS
@@ -56,8 +59,8 @@ class FrameLook:
         self._sigmas = of_map.pose_sigma_m, math.radians(of_map.pose_sigma_deg)
         self._far_m = float(settings.max_range_m)
         self._epoch, self._before_s = 0, -math.inf
-        self._first = (0, 0)  # so many ids of objects and of obstacles earlier maps have used
-        self._highest = [0, 0]
+        self._first = [0] * KINDS_OF_ID  # so many ids of each kind earlier maps have used
+        self._highest = [0] * KINDS_OF_ID
         self.tell: Callable[[FloorView], None] | None = None  # who plans on the floor; None: nobody
         self._begin()
 
@@ -65,7 +68,11 @@ class FrameLook:
         """A new map of objects: nothing of the old one can be placed any more."""
         self._objects, self._version = ObjectMap(self._of_map), 0
         self._newcomers: tuple[int, ...] = ()  # ids that were told of the frame before
-        self._first = self._highest[0], self._highest[1]
+        self._first = self._highest.copy()
+        pieces = count(1)
+        self._of_walls = WallReports(
+            self._of_map.hull_sigma_m, lambda: self._id(OF_WALL, next(pieces))
+        )
 
     def look(self, image: DepthImage, T_map_sensor: F64, epoch: int) -> Seen:
         """What an image tells.
@@ -136,29 +143,32 @@ class FrameLook:
         """Of objects since the frame before, and of all that is not in the map."""
         news = self._objects.changes_since(self._version)
         self._version = news.version
-        changed = [
-            self._of_object(one)
-            for shape in news.changed
-            if shape.kind == "object"
-            for one in self._objects.near(box_of(shape.corners_mm / 1000.0))[0]
-            if one.id == shape.id
-        ]
+        changed, gone = list[ObjectReport](), list[int]()
+        for shape in news.changed:
+            if shape.kind == "wall":
+                pieces, ended = self._of_walls.changed(self._objects.walls.record(shape.id))
+                changed += pieces
+                gone += ended
+                continue
+            near, _ = self._objects.near(box_of(shape.corners_mm / 1000.0))
+            changed += [self._of_object(one) for one in near if one.id == shape.id]
         changed += [self._of_obstacle(one) for one in obstacles]
-        now = tuple(self._id(1, one.id) for one in obstacles)
-        gone = [self._id(0, number) for number in news.deleted]
+        now = tuple(self._id(OF_OBSTACLE, one.id) for one in obstacles)
+        for number in news.deleted:
+            gone += self._of_walls.gone(number) or [self._id(OF_OBJECT, number)]
         gone += [number for number in self._newcomers if number not in now]
         self._newcomers = now
         return tuple(changed), tuple(gone)
 
     def _id(self, which: int, number: int) -> int:
-        """One for all: objects have even ones, obstacles odd ones; never that of another map."""
+        """On the link: by what it is of, which never has that of another; nor has another map."""
         whole = self._first[which] + number
         self._highest[which] = max(self._highest[which], whole)
-        return 2 * whole + which
+        return KINDS_OF_ID * whole + which
 
     def _of_object(self, one: MapObject) -> ObjectReport:
         return ObjectReport(
-            self._id(0, one.id), KINDS[one.kind], one.polygon, one.bottom_m, one.top_m,
+            self._id(OF_OBJECT, one.id), KINDS[one.kind], one.polygon, one.bottom_m, one.top_m,
             (0.0, 0.0), one.confidence, one.last_seen_s,
         )  # fmt: skip
 
@@ -166,8 +176,8 @@ class FrameLook:
         velocity = one.velocity_mps if one.is_moving and one.velocity_mps else (0.0, 0.0)
         kind, sure = (OBJECT_MOVING, MOVES) if one.is_moving else (OBJECT_STATIC, NEW)
         return ObjectReport(
-            self._id(1, one.id), kind, one.polygon, one.bottom_m, one.top_m, velocity, sure,
-            one.last_seen_s,
+            self._id(OF_OBSTACLE, one.id), kind, one.polygon, one.bottom_m, one.top_m, velocity,
+            sure, one.last_seen_s,
         )  # fmt: skip
 
     def warm(self) -> None:

@@ -484,9 +484,10 @@ enum mapod_worth {
 #ifndef MAPOD_LOOK_STALE_MS
 #define MAPOD_LOOK_STALE_MS 1000u
 #endif
-#define MAPOD_OBJECT_STATIC 1u /* has never moved; kinds above 3 are of later days, and stand */
+#define MAPOD_OBJECT_STATIC 1u /* has never moved; kinds above 4 are of later days, and stand */
 #define MAPOD_OBJECT_MOVED 2u
 #define MAPOD_OBJECT_MOVING 3u
+#define MAPOD_OBJECT_WALL 4u /* a piece of one, from door to door: of no known height */
 #define MAPOD_OBJECT_ENLARGED 0x01u /* the outline is larger than the object's own */
 
 struct mapod_object {

@@ -10,7 +10,7 @@ import struct
 
 import numpy as np
 
-from core.records import F64, OBJECT_MOVING, OBJECT_STATIC, ObjectReport
+from core.records import F64, OBJECT_STATIC, OBJECT_WALL, ObjectReport
 
 OBJECTS_HEAD = struct.Struct("<BxHHHIII")  # geom_id, count, waiting, look age, digest, first, last
 AGE, GONE_REST = struct.Struct("<H"), struct.Struct("<BBI")  # age; kind, corners, id
@@ -48,7 +48,7 @@ def maybe_record(told: ObjectReport, most_corners: int) -> bytes | None:
     is_finite = bool(np.isfinite(outline_mm).all()) and all(map(math.isfinite, numbers))
     if not is_finite or len(outline_mm) < FEWEST_CORNERS or told.bottom_m > told.top_m:
         return None
-    if not OBJECT_STATIC <= told.kind <= OBJECT_MOVING or not 0 <= told.id < 2**32:
+    if not OBJECT_STATIC <= told.kind <= OBJECT_WALL or not 0 <= told.id < 2**32:
         return None
     flags = 0
     if len(outline_mm) > most_corners:

@@ -20,6 +20,7 @@ from core.saved.encoding import StateError
 from core.summary import describe_robot
 from fakes.scenes.scene import Solid
 from map_files import ObjectsSaver, load_objects
+from mapod_link.objects import WALL
 from recording.reader import Recording
 from recording.records import SEEN
 from tests import ROOT
@@ -93,6 +94,10 @@ def test_a_floor_plan_begins_the_map_of_objects_and_what_became_of_it_is_saved(
     perception.look.start_from(load_objects(str(plan), loop.config), loop.now_s)
     loop.run(1.0)
     told = loop.planner.vectors.objects.by_id.values()
+    (wall,) = (one for one in told if one.kind == WALL)
+    np.testing.assert_allclose(wall.outline_m.mean(axis=0), (1.5, 5.0), atol=0.1)
+    assert np.ptp(wall.outline_m[:, 0]) == pytest.approx(5.0, abs=0.1)
+    assert wall.top_m == 32.767
     assert max(np.asarray(one.outline_m)[:, 0].max() for one in told) == pytest.approx(42.0)
     frames = Beside[Seen]()
     saver = ObjectsSaver(perception.look, frames, str(kept))

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import msgspec
 
-from mapod_link.objects import MOVED, MOVING, STATIC, LinkObject
+from mapod_link.objects import MOVED, MOVING, STATIC, WALL, LinkObject
 from tools.terminal.outlines import current_objects, path_ahead
 from tools.view.link_end import LinkEnd
 
 MOST_OBJECTS, MOST_POINTS = 256, 2000  # that a page gets: the nearest, and the next
-KINDS = {STATIC: "static", MOVED: "moved", MOVING: "moving"}  # others are of later days, and stand
+KINDS = {STATIC: "static", MOVED: "moved", MOVING: "moving", WALL: "wall"}  # others stand
 NOT_HEARD = "the robot is not heard"
 
 

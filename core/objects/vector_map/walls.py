@@ -27,6 +27,7 @@ class WallRecord(Struct, frozen=True, eq=False):
     openings: Floats  # (k, 4) m: pieces between them that were seen open: doors
     first_seen_s: float
     last_seen_s: float
+    confidence: float = 1.0  # 0 to 1: share of the looks at its pieces that met them
 
 
 class Wall:
@@ -120,7 +121,8 @@ class Wall:
         runs = self._runs(is_wall)
         doors = [(a[1], b[0]) for a, b in pairwise(runs) if self._is_open(a[1], b[0])]
         segments, openings = self._ends(runs), self._ends(doors)
-        return WallRecord(self.id, segments, openings, self.first_s, self.seen_s)
+        sure = float(self.share[is_wall].mean()) if len(runs) else 0.0
+        return WallRecord(self.id, segments, openings, self.first_s, self.seen_s, sure)
 
     def box(self) -> Box:
         first, last = self._extent()

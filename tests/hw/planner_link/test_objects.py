@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from core.records import F64, OBJECT_MOVED, OBJECT_MOVING, OBJECT_STATIC, ObjectReport
+from core.records import F64, OBJECT_MOVED, OBJECT_MOVING, OBJECT_STATIC, OBJECT_WALL, ObjectReport
 from fakes.planner_mcu.receiver import FakePlanner
 from hw.planner_link.object_records import MOST_CORNERS, REST, maybe_record
 from hw.planner_link.objects import MOST_OBJECTS
@@ -141,7 +141,7 @@ def test_what_begins_to_move_is_told_with_the_next_tick() -> None:
     world = ObjectWorld()
     line = line_of(world)
     line.settle(0.1)
-    for kind in (OBJECT_MOVED, OBJECT_MOVING, OBJECT_STATIC, OBJECT_MOVING):
+    for kind in (OBJECT_MOVED, OBJECT_MOVING, OBJECT_STATIC, OBJECT_WALL, OBJECT_MOVING):
         world.put(object_of(1, round_outline(4, 1.0, 2.0, 0.5), kind, line.now_s))
         line.tick()
         assert line.planner.vectors.objects.by_id[1].kind == kind
@@ -312,7 +312,7 @@ def test_an_outline_that_is_told_otherwise_contains_the_objects_own(
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"top_m": -0.1}, {"kind": 0}, {"kind": 4}, {"id": 2**32}, {"outline_m": np.zeros((2, 2))}],
+    [{"top_m": -0.1}, {"kind": 0}, {"kind": 5}, {"id": 2**32}, {"outline_m": np.zeros((2, 2))}],
 )
 def test_what_no_record_tells_is_none(wrong: dict[str, object]) -> None:
     right = object_of(1, round_outline(4, 0.0, 0.0, 1.0), OBJECT_STATIC)

@@ -5,6 +5,7 @@ import { setText } from "./words.js";
 
 const AHEAD_S = 1; // so far an arrow of velocity goes
 const DASHED = { moved: [6, 4] }; // in pixels, by kind
+const FILLED = { moving: 0.45, wall: 0.7 }; // opacity
 const SWEEP = 1; // kind of a point of the path
 const UNSURE = 0.55; // opacity where the list may not be the robot's
 
@@ -17,7 +18,7 @@ export function drawObjects({ context, px_m, colours, look }, told) {
     trace(context, outline);
     context.closePath();
     context.fillStyle = colours.object;
-    context.globalAlpha = opacity * (kind === "moving" ? 0.45 : 0.15);
+    context.globalAlpha = opacity * (FILLED[kind] ?? 0.15);
     context.fill();
     context.globalAlpha = opacity;
     stroke(context, colours.robot_edge, 4 * px_m);

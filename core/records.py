@@ -213,6 +213,7 @@ class ObjectReport(Struct, frozen=True, eq=False):
     velocity_mps: tuple[float, float]  # along map x and y; (0, 0) unless it moves
     confidence: float  # 0 to 1: that it is there
     seen_s: float  # host monotonic clock, when it was last seen
+    enlarged: bool = False  # the outline contains the object's own, which has more corners
 
 
 class ObjectChanges(Struct, frozen=True, eq=False):

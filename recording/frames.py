@@ -25,6 +25,7 @@ def bytes_from_seen(seen: Seen) -> bytes:
                 (
                     *(one.id, one.kind, one.outline_m.astype("<f8").tobytes()),
                     *(one.bottom_m, one.top_m, one.velocity_mps, one.confidence, one.seen_s),
+                    one.enlarged,
                 )
                 for one in seen.changed
             ],
@@ -33,7 +34,20 @@ def bytes_from_seen(seen: Seen) -> bytes:
     )
 
 
-Told = tuple[int, int, bytes, float, float, tuple[float, float], float, float]
+class Told(msgspec.Struct, array_like=True):
+    """An `ObjectReport`; in older recordings without the last field."""
+
+    id: int
+    kind: int
+    outline: bytes
+    bottom_m: float
+    top_m: float
+    velocity_mps: tuple[float, float]
+    confidence: float
+    seen_s: float
+    enlarged: bool = False
+
+
 Whole = tuple[
     float, int, str, tuple[float, float, float], bytes, bytes, bytes, list[Told], tuple[int, ...]
 ]
@@ -50,8 +64,11 @@ def seen_from_bytes(data: bytes) -> Seen:
             *(t_s, epoch, doubt, lens_m),
             *(_array(directions, "<f4", 3), _array(ranges, "<f4", 0), _array(standing, "<i8", 2)),
             tuple(
-                ObjectReport(number, kind, _array(outline, "<f8", 2), *rest)
-                for number, kind, outline, *rest in changed
+                ObjectReport(
+                    *(one.id, one.kind, _array(one.outline, "<f8", 2), one.bottom_m, one.top_m),
+                    *(one.velocity_mps, one.confidence, one.seen_s, one.enlarged),
+                )
+                for one in changed
             ),
             gone,
         )

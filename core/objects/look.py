@@ -17,6 +17,7 @@ from core.objects.evidence import evidence_of
 from core.objects.frame.steps import CameraPose, FrameSteps
 from core.objects.records import Floats, FrameObjects
 from core.objects.seen import Seen
+from core.objects.told_outlines import told_outline
 from core.objects.vector_map.geojson import SavedMap, geojson_from_map
 from core.objects.vector_map.mapped import MapObject, box_of
 from core.objects.vector_map.newcomers import Obstacle
@@ -167,17 +168,19 @@ class FrameLook:
         return KINDS_OF_ID * whole + which
 
     def _of_object(self, one: MapObject) -> ObjectReport:
+        outline, enlarged = told_outline(one.polygon)
         return ObjectReport(
-            self._id(OF_OBJECT, one.id), KINDS[one.kind], one.polygon, one.bottom_m, one.top_m,
-            (0.0, 0.0), one.confidence, one.last_seen_s,
+            self._id(OF_OBJECT, one.id), KINDS[one.kind], outline, one.bottom_m, one.top_m,
+            (0.0, 0.0), one.confidence, one.last_seen_s, enlarged,
         )  # fmt: skip
 
     def _of_obstacle(self, one: Obstacle) -> ObjectReport:
         velocity = one.velocity_mps if one.is_moving and one.velocity_mps else (0.0, 0.0)
         kind, sure = (OBJECT_MOVING, MOVES) if one.is_moving else (OBJECT_STATIC, NEW)
+        outline, enlarged = told_outline(one.polygon)
         return ObjectReport(
-            self._id(OF_OBSTACLE, one.id), kind, one.polygon, one.bottom_m, one.top_m, velocity,
-            sure, one.last_seen_s,
+            self._id(OF_OBSTACLE, one.id), kind, outline, one.bottom_m, one.top_m, velocity,
+            sure, one.last_seen_s, enlarged,
         )  # fmt: skip
 
     def warm(self) -> None:

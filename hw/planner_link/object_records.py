@@ -50,7 +50,7 @@ def maybe_record(told: ObjectReport, most_corners: int) -> bytes | None:
         return None
     if not OBJECT_STATIC <= told.kind <= OBJECT_WALL or not 0 <= told.id < 2**32:
         return None
-    flags = 0
+    flags = ENLARGED if told.enlarged else 0
     if len(outline_mm) > most_corners:
         outline_mm, flags = _larger(outline_mm, most_corners), ENLARGED
     low, high = np.floor(outline_mm.min(axis=0)), np.ceil(outline_mm.max(axis=0))

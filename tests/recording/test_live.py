@@ -14,6 +14,7 @@ from tools.replay.player import Player
 
 pytestmark = pytest.mark.real_time
 AHRS = 1 << 1  # among the ports of a turn
+WRITTEN = 100_000  # bytes of a recording: more than a second of it
 
 
 @pytest.fixture
@@ -28,6 +29,8 @@ def house(tmp_path: Path) -> Iterator[House]:
     try:
         house.until(house.all_run)
         house.run(1.0)
+        path = tmp_path / "run.mcap"
+        house.until(lambda: path.exists() and path.stat().st_size > WRITTEN)  # it is nice to others
         yield house
     finally:
         house.close()

@@ -64,7 +64,7 @@ WAIT_S = 2.5  # before what passes, until another way is sought
 LOOK_S = 1.2  # at a frontier
 FIRST_FRAMES = 6  # before it sets out
 NEAR_M = 2.5  # things that may be in the way
-LIMIT_S = 7200.0
+LIMIT_S = 14400.0  # a hall of 600 m2 takes three hours
 
 
 @dataclass

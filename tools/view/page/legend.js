@@ -114,7 +114,7 @@ function stateRows({ colours, is_stale }) {
     swatch(colours.free, "free: seen, and free now"),
     swatch(colours.obstacle, "obstacle, step or drop"),
     swatch("", "unknown: not seen, or not trusted", "hatched"),
-    swatch("", "object: dashed if it was moved, filled and with an arrow if it moves", "outline"),
+    swatch("", "object: dashed if it was moved, with an arrow if it moves; a wall is filled", "outline"),
     swatch(colours.scan, "scan line", "dots"),
   ];
 }

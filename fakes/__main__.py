@@ -7,6 +7,7 @@ writes into files when each scan left (`--stamp`) and what is true of the robot 
 """
 
 import argparse
+import math
 import sys
 import time
 from collections.abc import Callable
@@ -81,6 +82,9 @@ def _add_robot(parser: argparse.ArgumentParser) -> None:
         help="of the drive wheels, by which the robot is known; other than ragno's: the usual one",
     )
     parser.add_argument(
+        "--most-speed", type=float, default=math.inf, help="m/s: the driver drives no faster"
+    )
+    parser.add_argument(
         "--camera",
         nargs=4,
         type=float,
@@ -120,7 +124,12 @@ def rig_of(given: argparse.Namespace, scene: "Scene") -> "Rig":
         world = WatchedWorld(scene, seed, errors, mount, body)
     else:
         world = world_of(scene, seed, delay_s, errors, mount, body)
-    rig = Rig(world, seed, delay_s, drives=drives, scanner=given.scanner, mount=lens, body=body)
+    if not given.most_speed > 0.0:
+        raise ValueError(f"--most-speed: must be above 0: {given.most_speed:g}")
+    rig = Rig(
+        *(world, seed, delay_s, drives),
+        scanner=given.scanner, mount=lens, body=body, most_mps=given.most_speed,
+    )  # fmt: skip
     rig.drive.mode = given.drive_mode
     rig.drive.parameters[0x00] = MODES.index(given.drive_mode)
     return rig

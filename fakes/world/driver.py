@@ -30,6 +30,7 @@ class Driver:
             A third number is the speed on the way there, m/s.
         speed_mps: where a waypoint does not say it.
         track_m: between the wheels.
+        most_mps: never faster, whatever a waypoint says.
     """
 
     def __init__(
@@ -40,9 +41,11 @@ class Driver:
         speed_mps: float,
         start_delay_s: float,
         track_m: float = TRACK_WIDTH_M,
+        most_mps: float = math.inf,
     ) -> None:
         self._pose, self._command = pose, command
         self._waypoints, self._speed_mps = list(waypoints), speed_mps
+        self._most_mps = most_mps
         self._delay_s, self._track_m = start_delay_s, track_m
         self._due_s: float | None = None
         self._v_mps = self._w_radps = 0.0
@@ -81,7 +84,7 @@ class Driver:
         w_radps = math.copysign(math.sqrt(1.2 * TURN_RADPS2 * abs(error_rad)), error_rad)
         w_radps = max(-TURN_RADPS, min(TURN_RADPS, w_radps if self._turning else 1.5 * error_rad))
         slow_mps = math.sqrt(1.6 * ACCELERATION_MPS2 * ahead_m)
-        speed_mps = goal[2] if len(goal) > 2 else self._speed_mps
+        speed_mps = min(self._most_mps, goal[2] if len(goal) > 2 else self._speed_mps)
         return (0.0 if self._turning else min(speed_mps, slow_mps)), w_radps
 
 

@@ -3,6 +3,7 @@
 It moves no bytes: the caller puts a wire on each device.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -83,6 +84,7 @@ class Rig:
         scanner: one of `SCANNERS`.
         mount: of its lens; None: that of `SCANNERS`. A world that is ready keeps its own.
         body: of the robot. A world that is ready keeps its own, and must have this one.
+        most_mps: the driver drives no faster.
     """
 
     def __init__(
@@ -95,6 +97,7 @@ class Rig:
         scanner: str = DEFAULT_SCANNER,
         mount: Mount | None = None,
         body: Body = BODY,
+        most_mps: float = math.inf,
     ) -> None:
         on_robot = SCANNERS[scanner]
         self.world: AnyWorld
@@ -123,6 +126,7 @@ class Rig:
             route.speed_mps,
             start_delay_s,
             body.track_width_m,
+            most_mps,
         )
 
     def ranges_m_at(self, t_first_s: float, times_s: F64, bearings_rad: F64) -> F64:

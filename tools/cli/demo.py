@@ -133,6 +133,7 @@ def world_words(options: argparse.Namespace, config: Config) -> list[str]:
     words = [sys.executable, "-m", "fakes", "--scene", options.scene, "--seed", str(options.seed)]
     words += ["--scanner", config.scanner.driver, "--lens", *map(str, lens_of(config))]
     words += ["--wheels", *map(str, wheels_of(config))]
+    words += ["--most-speed", str(config.robot.max_speed_mps)]
     words += DRIVEN_WORLD if options.drive or options.cleans else ()
     camera = camera_of(config)
     words += ["--camera", *map(str, camera)] if camera else []

@@ -122,6 +122,18 @@ def test_the_rig_drives_through_its_motor_controller() -> None:
     assert abs(last / 2000 * math.tau * robot.WHEEL_RADIUS_M - x_m) < 0.15
 
 
+def test_the_driver_goes_no_faster_than_its_robot() -> None:
+    fastest = {}
+    for most_mps in (0.3, math.inf):
+        rig, places = Rig("corridor", 5, start_delay_s=0.5, most_mps=most_mps), []
+        for k in range(800):
+            rig.step(20.0 + k * 0.005)
+            places.append(rig.world.pose()[:2])
+        fastest[most_mps] = max(map(math.dist, places[:-20], places[20:])) / 0.1
+    assert 0.2 < fastest[0.3] < 0.35
+    assert fastest[math.inf] > 0.5
+
+
 def test_without_a_driver_the_wheels_obey_the_wire_alone() -> None:
     rig = Rig("corridor", 5, start_delay_s=0.0, drives=False)
     for k in range(400):

@@ -15,7 +15,8 @@ SLOW_MPS = 0.15  # where the link advises to go slowly
 VALID_S = 0.3  # of a request
 STUCK_S = 1.0  # so long it stands though it asks; then
 LETS_GO_S = 0.3  # it lets go, as one must whom a monitor has halted,
-BACK_S, BACK_MPS = 1.2, -0.12  # and goes back a little: what bars a turn is often beside it
+BACK_S, BACK_MPS = 1.2, 0.12  # and goes back a little: what bars a turn is often beside it;
+AGAIN_S = 10.0  # stuck again within that time, it goes ahead a little, then back, and so on
 STANDS_MPS, STANDS_RADPS = 0.01, 0.02
 
 
@@ -27,7 +28,7 @@ class PathDriving:
         self._follower = PathFollower(limits)
         self._number = 0  # of the path that is driven
         self._stepped_s = self._moved_s = self._let_go_s = -math.inf
-        self._asks = False
+        self._asks, self._goes = False, -1  # ahead or back, where it is stuck
 
     def step(self, now_s: float) -> None:
         """Ask for the next motion, if one is due."""
@@ -51,9 +52,11 @@ class PathDriving:
         if abs(pose.v_mps) > STANDS_MPS or abs(pose.w_radps) > STANDS_RADPS:
             self._moved_s = now_s
         if now_s - self._moved_s > STUCK_S:
+            self._goes = -self._goes if now_s - self._let_go_s < AGAIN_S else -1
             self._let_go_s = self._moved_s = now_s
         if now_s - self._let_go_s < LETS_GO_S + BACK_S:
-            v_mps, w_radps = BACK_MPS if now_s - self._let_go_s >= LETS_GO_S else 0.0, 0.0
+            is_off = now_s - self._let_go_s >= LETS_GO_S
+            v_mps, w_radps = self._goes * BACK_MPS if is_off else 0.0, 0.0
         self._asks = bool(v_mps or w_radps)
         planner.drive(now_s, v_mps, w_radps, VALID_S)
 

@@ -31,6 +31,7 @@ GAP_M = 0.3  # longest without points, within a wall
 SHORT_M = 0.1  # shorter stretches of a known wall are not told,
 STRAIGHT_M = 1.0  # and of shorter ones no slope: noise would turn them
 ROUNDS = 4
+GATE2 = 11.3  # chi-square, 3 degrees of freedom, 1 %: a fit farther from the pose is not believed
 
 
 class Correction(NamedTuple):
@@ -102,6 +103,8 @@ def refound(
 ) -> tuple[F64, F64, int]:  # fmt: skip
     """How far points must be moved to lie on the walls (3,), its covariance, how many do so.
 
+    Not at all where that would be farther than the pose can be off: these are other walls then.
+
     Args:
         walls: (n, 4) segments, level frame; lengthened by `grow`.
     """
@@ -111,6 +114,8 @@ def refound(
     for number in range(ROUNDS + 1):
         N, g = np.zeros((3, 3)), np.zeros(3)
         is_first = number == 0
+        if number == ROUNDS and float(offset @ prior @ offset) > GATE2:
+            offset, C = np.zeros(3), np.linalg.inv(prior)
         found = on_known(
             voxels, count, lines, sigmas, offset, is_first, within_m, noise, N, g, used
         )

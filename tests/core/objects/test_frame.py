@@ -238,6 +238,25 @@ def test_known_walls_are_taken_away_and_tell_where_the_camera_is() -> None:
     )
 
 
+@pytest.mark.parametrize(("off_m", "is_believed"), [(0.03, True), (0.10, False)])
+def test_walls_that_are_farther_off_than_the_pose_can_be_tell_nothing_of_it(
+    off_m: float, is_believed: bool
+) -> None:
+    """A row of boxes, a rack's posts, a wall drawn a little askew: another one than is known."""
+    boxes = (Box(3.05, 0.0, 0.1, 5.0, 0.0, 1.0), Box(1.5, 1.25, 3.1, 0.1, 0.0, 1.0))
+    walls = np.array([[3.0 + off_m, -2.5, 3.0 + off_m, 2.5], [0.0, 1.2, 3.0, 1.2]])
+    at = placed(0.6, 15.0)
+    known = pose(at)._replace(sigma_xy_m=0.02, sigma_yaw_rad=0.01)
+    told = found(Scene(boxes), at, known, walls)
+    assert told.correction is not None
+    if is_believed:
+        assert told.correction.x_m == pytest.approx(off_m, abs=0.01)
+        return
+    assert (told.correction.x_m, told.correction.y_m, told.correction.yaw_rad) == (0.0, 0.0, 0.0)
+    assert math.sqrt(told.correction.covariance[0, 0]) == pytest.approx(0.02)
+    assert len(told.objects.walls) == 2  # the wall that was met, beside the one that is known
+
+
 def test_a_wall_is_followed_beyond_what_the_map_knows_of_it_to_its_corner() -> None:
     boxes = (Box(3.05, 0.0, 0.1, 5.0, 0.0, 1.0), Box(1.5, 1.25, 3.1, 0.1, 0.0, 1.0))
     walls = np.array([[3.0, -2.5, 3.0, 0.6], [0.0, 1.2, 2.3, 1.2]])

@@ -5,7 +5,8 @@ feet, come from a Kalman filter; no decision asks for them, and they are kept on
 settings want them (`map.filter_heights`). It takes returns that are not of floor and lie within
 GATE sigma of it. What lies higher is a higher surface, and begins it anew; what lies as much lower
 may be a face of it. A beam that an edge divides ends in the air: where one return alone tells the
-surface, and another one or floor lies beneath it, no height is told, unless it is a face.
+surface, and another one or floor lies beneath it, no height is told, unless it is a face. A cell
+that an edge divides shows floor as well: `balance` tells of which it shows more.
 
 Heights are of the map frame, as `cells` has them: s is taken out when they are read.
 Source: docs/method.md, section 5.

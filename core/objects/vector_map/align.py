@@ -14,13 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.records import Floats, FrameObjects
+from core.objects.records import POSE_GATE2, Floats, FrameObjects
 from core.objects.vector_map.settings import ObjectMapSettings
 from jit import kernel, releasing_kernel
 
 ROUNDS = 4
 CAUCHY = 2.4  # sigmas where a residual weighs half: 95 % efficient without outliers
-GATE2 = 11.3  # chi-square, 3 degrees of freedom, 1 %: further the pose itself is not believed
 OF_A_HULL = 4.0  # measurements that a hull is worth, however many pieces it has
 LEAST_COSINE = 0.9  # of the angle between a piece and the line that it may belong to
 
@@ -93,7 +92,7 @@ def correction_of(
         for side in known:
             _add(side, c, lens, float(s.guard_m), A, b)
         c = c + np.linalg.solve(A, b)
-    if float(c @ prior @ c) > GATE2:
+    if float(c @ prior @ c) > POSE_GATE2:
         c = np.zeros(3)
     return Correction(float(c[0]), float(c[1]), float(c[2]), origin)
 

@@ -34,6 +34,7 @@ from fakes.world.path_follower import PERIOD_S, Limits, PathFollower
 from fakes.world.rolling import RollingWorld
 from tools.rig.cleaning.recent_views import RecentViews
 from tools.rig.cleaning.truth import Truth, gap_of
+from tools.rig.cleaning.wall_fix import SIGMAS, WallFix
 
 MODEL: Model = "t"  # 176 x 144 pixels, 62 by 52 degrees
 FLYING_DEG = 12.0  # of a lens with so few pixels: at 3 degrees what flies less than 0.12 r stays
@@ -115,7 +116,7 @@ class Camcorder:
         T[:3, :3] = [[c * cp, -s, c * sp], [s * cp, c, s * sp], [-sp, 0.0, cp]]
         bx, by, bz = self._place.tolist()
         T[:3, 3] = x + c * bx - s * by, y + s * bx + c * by, bz
-        return CameraPose(T, 0.01, 0.008, 0.008, 0.02, 0.01)
+        return CameraPose(T, 0.01, 0.008, 0.008, float(SIGMAS[0]), float(SIGMAS[2]))
 
 
 class Drift:
@@ -153,7 +154,7 @@ class HallRun:
         self.camera, self._steps = Camcorder(self.world, config, seed), FrameSteps(objects)
         self._turns = 0  # on the spot, for floor to be seen
         self._tick, self._at, self._halts = 0, (0.0, 0.0, 0.0), False
-        self._off = np.zeros(3)  # x, y, yaw: what walls say that the told pose lacks
+        self._fix = WallFix()
         self._barred_s = self._arrived_s = math.inf
         self._version, self._passing = 0, list[Thing]()
         self._checked: tuple[int, list[Thing]] = (-1, [])
@@ -173,7 +174,7 @@ class HallRun:
         self.world.step_to(self.now_s)
         self._drift.step()
         told = self._drift.told(self.world.place)
-        self._off *= math.exp(-PERIOD_S / POSE_S)  # what walls said ends, as the pose wanders
+        self._fix.step(PERIOD_S)
         place, sweeps = self._by_walls(told), self._sweeps
         self.cleaning.drive(self._at, place, sweeps)
         self._count(before, self.world.place, sweeps)
@@ -188,8 +189,8 @@ class HallRun:
     # what it sees
 
     def _by_walls(self, told: Place) -> Place:
-        """Where it is by the walls that it saw last."""
-        x, y, yaw = (np.array(told) + self._off).tolist()
+        """Where it is by the walls that it saw."""
+        x, y, yaw = (np.array(told) + self._fix.off).tolist()
         return x, y, yaw
 
     def _look(self, pose: Place) -> None:
@@ -204,10 +205,7 @@ class HallRun:
             self.tally.doubts += 1
             return
         if (by := told.correction) is not None:
-            lens = np.array(told.objects.origin)
-            turn = np.array([[0.0, -by.yaw_rad], [by.yaw_rad, 0.0]])
-            self._off[:2] = turn @ (pose[:2] - lens) + (by.x_m, by.y_m)
-            self._off[2] = by.yaw_rad
+            self._fix.measure(by, np.array(told.objects.origin) - pose[:2])
         place = self._by_walls(pose)
         update = self.map.update(told.objects)
         self.obstacles, self._version = update.obstacles, update.version

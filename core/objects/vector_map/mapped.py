@@ -51,6 +51,7 @@ class Mapped:
         self.first_s = self.seen_s = at_s
         self.views, self.rate = 0, 1.0
         self.frames = 0  # that placed it
+        self.stands_out = False  # the walls about it were known when it was first seen
         self.field: DistanceField | None = None
         self.drawn_ago = 0  # frames since the outline was drawn
         # its finished sides (k, 4) when it had settled: those noted last, and those before them

@@ -32,7 +32,8 @@ class Sight(NamedTuple):
     pieces: Floats  # (k, 5) of its hull, marked where seen
     sectors: Floats
     origin: tuple[float, float]
-    is_apart: bool  # it touches nothing of the map
+    is_apart: bool  # it touches no object of the map
+    is_flat: bool  # all of it lies so near to a wall that nobody has room there
 
 
 class Obstacle(Struct, frozen=True, eq=False):
@@ -71,15 +72,16 @@ class Newcomer:
         now = self.last[-1]
         if not now.is_apart or self.frames < s.confirm_frames:
             return False
-        if is_person_like(now.detection, s):
+        if is_person_like(now, s):
             return now.at_s - self.since.at_s >= s.person_wait_s
         return not self.has_moved or self.frames >= s.gone_frames
 
 
-def is_person_like(detection: Detection, s: ObjectMapSettings) -> bool:
-    """Tall and slender enough: it may walk away at any time."""
-    size = float(np.ptp(detection.polygon, axis=0).max())
-    return detection.top_m >= s.person_height_m and size <= s.person_width_m
+def is_person_like(sight: Sight, s: ObjectMapSettings) -> bool:
+    """Tall and slender enough, and not flat on a wall: it may walk away at any time."""
+    size = float(np.ptp(_hull(sight), axis=0).max())
+    is_tall = sight.detection.top_m >= s.person_height_m
+    return is_tall and size <= s.person_width_m and not sight.is_flat
 
 
 def through_share(place: Sight, by: Sight, s: ObjectMapSettings) -> float:
@@ -107,10 +109,11 @@ class Newcomers:
         tracks = self._tracker.assign(boxes)
         for sight, box, track in zip(sights, boxes, tracks, strict=True):
             if track is None:
-                self._tracker.start(at_s, box, Newcomer(sight, self._s))
+                track = self._tracker.start(at_s, box, Newcomer(sight, self._s))
             else:
                 self._tracker.follow(track, at_s, box)
                 track.about.add(sight, self._s)
+            track.is_fixed = sight.is_flat and not track.about.has_moved
         hulls = shapely.union_all([shapely.Polygon(_hull(sight)) for sight in sights])
         for track in list(self._tracker.unseen(at_s)):
             if self._is_covered(track, at_s, hulls):
@@ -158,8 +161,7 @@ class Newcomers:
         ]
 
     def _may_walk(self, track: Track[Newcomer]) -> bool:
-        last = track.about.last[-1].detection
-        return track.about.has_moved or is_person_like(last, self._s)
+        return track.about.has_moved or is_person_like(track.about.last[-1], self._s)
 
     def obstacles(self, at_s: float) -> tuple[Obstacle, ...]:
         """All of them as they are told."""
@@ -186,7 +188,8 @@ class Newcomers:
         points = np.vstack([polygon, polygon.mean(axis=0)])
         seen = count_seen(sectors, points, 0.0, float(lens[0]), float(lens[1]))
         track.about.through_frames += seen > self._s.through_share * len(points)
-        is_late = at_s - track.seen_s > self._s.coast_s
+        coast_s = self._s.person_wait_s if track.is_fixed else self._s.coast_s
+        is_late = at_s - track.seen_s > coast_s
         if is_late or track.about.through_frames >= self._s.confirm_frames:
             self._tracker.drop(track)
 

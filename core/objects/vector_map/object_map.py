@@ -37,6 +37,7 @@ from core.objects.vector_map.walls import WallRecord
 
 OF_WALL = 0.9  # so much of an object where a wall is taken to be: it is that wall
 END_M = 0.25  # what was hardly seen and lies so near a wall's end is the wall's own end face
+FLAT_M = 0.15  # nobody is so thin: what lies within that of a wall does not walk
 COVERED = 0.5  # so much of the smaller of two objects within the other: they are one
 
 
@@ -95,6 +96,7 @@ class ObjectMap:
             mapped.polygon, mapped.finished = one.polygon, one.finished
             mapped.bottom_m, mapped.top_m, mapped.views = one.bottom_m, one.top_m, one.seen_from
             mapped.rate, mapped.frames = 1.0, round(self.settings.memory_frames)
+            mapped.stands_out = True  # else it would not be in a map with these walls
             mapped.stood = mapped.lines(), mapped.lines()
             self._objects[one.id] = mapped
             self._told(mapped)
@@ -118,7 +120,7 @@ class ObjectMap:
         now = prepared(correction.frame(frame), self.settings)
         mine = self._matches(now, near, self.settings.hull_sigma_m + self.settings.cell_m)
         lines = self.walls.lines(self._reach_of(now))
-        sights = self._unexplained(now, mine, lines.buffer(self.settings.hull_sigma_m))
+        sights = self._unexplained(now, mine, lines)
         self._newcomers.add(frame.at_s, sights, now.sectors, now.lens)
         anchor = max((self._objects[n].frames for n in mine), default=0)
         for number in near:
@@ -169,7 +171,7 @@ class ObjectMap:
         return sides
 
     def _unexplained(
-        self, now: PreparedFrame, mine: dict[int, list[int]], band: shapely.Geometry
+        self, now: PreparedFrame, mine: dict[int, list[int]], lines: shapely.Geometry
     ) -> list[Sight]:
         """What of the detections no object and no wall of the map covers.
 
@@ -177,6 +179,7 @@ class ObjectMap:
         what a hull errs by, the band about the walls of the map.
         """
         s, sights = self.settings, []
+        band, flat = lines.buffer(s.hull_sigma_m), lines.buffer(FLAT_M)
         margin_m = 3.0 * s.hull_sigma_m + 2.0 * s.cell_m
         touched = {k for hits in mine.values() for k in hits}
         for k, detection in enumerate(now.frame.detections):
@@ -191,13 +194,14 @@ class ObjectMap:
                     ]
                 ).buffer(margin_m)
                 rest = now.polygons[k].difference(known.union(band) if is_at_wall else known)
-                rest = _largest(rest.buffer(-s.cell_m).buffer(s.cell_m))
+                thin = rest.buffer(-s.hull_sigma_m, join_style="mitre")
+                rest = _largest(thin.buffer(s.hull_sigma_m, join_style="mitre"))
             if size_of(rest) < s.least_size_m:
                 continue
             part = detection._replace(polygon=rest)
-            is_apart = k not in touched
-            at = now.frame.at_s, part, now.pieces[k], now.sectors, now.frame.origin, is_apart
-            sights.append(Sight(*at))
+            is_flat = is_at_wall and flat.covers(shapely.Polygon(rest))
+            at = now.frame.at_s, part, now.pieces[k], now.sectors, now.frame.origin
+            sights.append(Sight(*at, k not in touched, is_flat))
         return sights
 
     def _vote(self, one: Mapped, now: PreparedFrame, mine: dict[int, list[int]]) -> None:
@@ -242,6 +246,7 @@ class ObjectMap:
         """Make a part of an object one of its own."""
         part = Mapped(self._new_id(), one.first_s, self.settings, one.kind)
         part.polygon, part.finished = outline, np.ones(len(outline), dtype=bool)
+        part.stands_out = one.stands_out
         part.bottom_m, part.top_m, part.views = one.bottom_m, one.top_m, one.views
         part.frames, part.seen_s, part.rate = one.frames, one.seen_s, one.rate
         one.is_another()
@@ -272,6 +277,7 @@ class ObjectMap:
         one.awake().take(other.awake())
         one.bottom_m, one.top_m = min(one.bottom_m, other.bottom_m), max(one.top_m, other.top_m)
         one.views |= other.views
+        one.stands_out |= other.stands_out
         one.is_another()
         self._remove(other)
         self._draw(one)
@@ -280,6 +286,7 @@ class ObjectMap:
         """A newcomer that stays becomes an object, from the frames that showed it."""
         one = Mapped(self._new_id(), newcomer.since.at_s, self.settings)
         one.kind = "moved" if newcomer.has_moved else "static"
+        one.stands_out = newcomer.last[0].is_flat
         self._newcomers.drop(newcomer)
         one.field = None
         corners = np.vstack([sight.detection.polygon for sight in newcomer.last])
@@ -329,7 +336,9 @@ class ObjectMap:
         band = lines.buffer(on_m)
         for number in near:
             one = self._objects.get(number)
-            if one is None or not lines.dwithin(outline := shapely.Polygon(one.polygon), END_M):
+            if one is None or one.stands_out:
+                continue
+            if not lines.dwithin(outline := shapely.Polygon(one.polygon), END_M):
                 continue
             is_inside = outline.intersection(band).area > OF_WALL * outline.area
             is_inside |= one.frames < self.settings.memory_frames and ends.contains(outline)

@@ -51,6 +51,10 @@ class Kalman:
         self.P = F @ self.P @ F.T + self._s.acceleration_mps2**2 * (G @ G.T)
         self.at_s = max(at_s, self.at_s)
 
+    def wait(self, at_s: float) -> None:
+        """To a later time, standing still."""
+        self.at_s = max(at_s, self.at_s)
+
     def distance2(self, place: Floats, bias_m: Floats) -> tuple[float, float]:
         """Of a measured place (2,) m, off by a bias of up to (2,) m: for the gate, and its cost.
 
@@ -131,6 +135,7 @@ class Track(Generic[T]):
         self.id, self.about, self.size = number, about, by.size
         self.filter = Kalman(at_s, by.place, s)
         self.first_s = self.seen_s = at_s
+        self.is_fixed = False  # it cannot move
 
     def bias_m(self, by: Measured) -> Floats:
         """(2,) by how much a place may be off, for more or less of the thing is seen."""
@@ -147,7 +152,8 @@ class Tracker(Generic[T]):
     def predict(self, at_s: float) -> None:
         """All tracks, to a frame's time."""
         for track in self.tracks:
-            track.filter.predict(at_s)
+            go_on = track.filter.wait if track.is_fixed else track.filter.predict
+            go_on(at_s)
 
     def assign(self, found: Sequence[Measured]) -> list[Track[T] | None]:
         """The track of each box, None for a new one; all are predicted.

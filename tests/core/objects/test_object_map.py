@@ -276,6 +276,23 @@ def test_a_post_before_a_wall_is_in_the_map_beside_it(is_first: bool) -> None:
     assert overlap(found.polygon, post.outline) > 0.3  # its front was seen
 
 
+@pytest.mark.parametrize("x_m", [2.98, 2.6])
+def test_a_tall_post_flat_on_a_wall_is_no_person_and_two_short_looks_make_it_an_object(
+    x_m: float,
+) -> None:
+    """Five centimetres out of the wall nobody has room; at 40 a person may stand."""
+    world, objects = World([], noise=NOISE), ObjectMap(SETTINGS)
+    world.walls = np.array([[3.0, -1.5, 3.0, 1.5]])
+    watch(world, objects, 40)
+    world.things = [box(x_m, 0.3, 0.06, 0.08, top_m=2.0)]
+    for _ in range(2):
+        watch(world, objects, SETTINGS.confirm_frames - 2)
+        watch(world, objects, 2 * SEEN_S, yaw=math.pi)
+    assert len(objects.objects()) == (x_m > 2.9)
+    watch(world, objects, 5)
+    assert len(objects.objects()) == (x_m > 2.9)
+
+
 @pytest.mark.parametrize(("frames", "left"), [(8, 0), (40, 1)])
 def test_a_walls_end_face_goes_when_the_wall_is_known_unless_it_has_settled(
     frames: int, left: int

@@ -53,6 +53,8 @@ KEPT_M = (
     MACHINE.margin_m
 )  # so far from the path nothing may stand: guard_m is for outlines that change
 SLACK_M = 0.005
+WALL_M = 0.01  # to either side of a wall's line, where paths are laid: 1 sigma of it
+HIDDEN_M = 0.03  # so far before it things are taken for the wall: a voxel, and noise
 LAG_S, LAG_M = 0.2, 0.03  # of the way on which it comes to stand, where it heads
 ENTERED_M = (0.1, 0.3, 0.5)  # of the path: what its front is about to enter there
 VOUCHED_S, BLIND_S = 5.0, 12.0  # without a view over that it creeps; without any it stands
@@ -157,7 +159,7 @@ class HallRun:
         self._fix = WallFix()
         self._barred_s = self._arrived_s = math.inf
         self._version, self._passing = 0, list[Thing]()
-        self._checked: tuple[int, list[Thing]] = (-1, [])
+        self._checked, self._known = -1, dict[float, list[Thing]]()  # by how thick walls are
         self.truth, self._is_hit = Truth(hall), False
         self._views, self._stood = RecentViews(VOUCHED_S), (0.0, self._at)  # since when, where
         self.world.step_to(0.0)
@@ -222,15 +224,17 @@ class HallRun:
         """All that is known to be somewhere, walls too."""
         return self._mapped() + self._passing
 
-    def _mapped(self) -> list[Thing]:
-        """What is in the map, walls too."""
-        if self._checked[0] != self._version:
+    def _mapped(self, wall_m: float = WALL_M) -> list[Thing]:
+        """What is in the map, and walls as thick as that to either side."""
+        if self._version != self._checked:
+            self._checked, self._known = self._version, {}
+        if wall_m not in self._known:
             found = [thing_of(one.polygon, one.finished) for one in self.map.objects()]
             for wall in self.map.walls.records():
                 lines = shapely.linestrings(wall.segments.reshape(-1, 2, 2))
-                found += [Thing(one) for one in shapely.buffer(lines, 0.01, cap_style="square")]
-            self._checked = self._version, found
-        return self._checked[1]
+                found += [Thing(one) for one in shapely.buffer(lines, wall_m, cap_style="square")]
+            self._known[wall_m] = found
+        return self._known[wall_m]
 
     # what it drives
 
@@ -246,7 +250,8 @@ class HallRun:
             return LIMITS.speed_mps
         line, here = shapely.LineString(_first(rest, AHEAD_M)), shapely.Point(place[:2])
         heading = _heading(place, LAG_M + LAG_S * max(0.0, self.world.speeds[0]))
-        for one in self._near(place, self.things()):  # away from what it is too near to it may go
+        there = self._mapped(HIDDEN_M) + self._passing
+        for one in self._near(place, there):  # away from what it is too near to it may go
             most_m = here.distance(one) - SLACK_M
             if line.distance(one) < min(KEPT_M, most_m):
                 return 0.0

@@ -6,7 +6,7 @@ in a corner, does not move the machine. Each frame's walls are a measurement wit
 
     d = H off + noise,  H = [[1, 0, -ly], [0, 1, lx], [0, 0, 1]]    l: from the machine to the lens
 
-`FrameSteps` tells d with its own knowledge of the pose in it, C = (N + prior)^-1; that is taken out.
+`FrameSteps` tells d with what it knew of the pose in it, C = (N + prior)^-1; that is taken out.
 """
 
 import math

@@ -65,6 +65,7 @@ class Perception:
             self.look = look.FrameLook(objects, object_map, ground)
         self._R_body_sensor = R_from_rpy(*depth.mount_rpy_rad)
         self._t_body_sensor = np.array(depth.mount_xyz_m)
+        self._placed = np.zeros(2), np.zeros(3)  # of the frame that is looked at: lens, and owed
         self._maybe_waiting: DepthImage | None = None  # the newest image that nobody looked at
         self._epoch = mapper.counts.erased
 
@@ -83,6 +84,8 @@ class Perception:
             self.seen_s = -math.inf
         entered = False
         if (seen := self._work.maybe_take()) is not None:
+            if self.look is not None and seen.fix is not None:
+                seen = replace(seen, fix=seen.fix.of_body(*self._placed))
             if self.note is not None:
                 self.note(replace(seen, epoch=seen.epoch - self._epoch))
             entered = self._enter(seen, self._epoch if self.look is not None else 0)
@@ -106,7 +109,10 @@ class Perception:
         if self._work.is_idle and look is not None:
             self._maybe_waiting = None
             T, epoch = self._T_map_sensor(at_s), self._epoch
-            self._work.give(lambda: look.look(image, T, epoch))
+            lens_m = T[:2, :3] @ image.camera.offset_m + T[:2, 3]
+            self._placed = lens_m - mapper.odometry.xy_at(at_s), mapper.odometry.owed
+            sigmas = _sigmas(mapper.odometry.covariance)
+            self._work.give(lambda: look.look(image, T, epoch, sigmas))
 
     def _T_map_sensor(self, at_s: float) -> F64:
         """(4, 4) at a covered instant."""
@@ -135,6 +141,8 @@ class Perception:
         if not self._mapper.add_frame(sweep, seen.standing):
             self.counts["without a place"] += 1
             return False
+        if seen.fix is not None and not self._mapper.odometry.correct_by(seen.fix, seen.t_s):
+            self.counts["with walls elsewhere"] += 1
         self.objects.take(seen)
         self.seen_s = seen.t_s
         self.counts["used"] += 1
@@ -148,6 +156,11 @@ class Perception:
         T = np.eye(4)
         T[:3, :3], T[2, 3] = R_from_rpy(0.0, 0.5, 0.0), 0.5
         self._enter(self.look.look(made_up_image(0.03), T, self._epoch), self._epoch)
+
+
+def _sigmas(P: F64) -> tuple[float, float]:
+    """Of x as of y, m, whichever is larger, and of yaw, rad, by a covariance (3, 3)."""
+    return math.sqrt(float(np.linalg.eigvalsh(P[:2, :2])[-1])), math.sqrt(float(P[2, 2]))
 
 
 def made_up_image(t_s: float) -> DepthImage:

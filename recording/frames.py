@@ -10,6 +10,7 @@ import msgspec
 import numpy as np
 
 from core.objects.seen import Seen
+from core.pose_fix import PoseFix
 from core.records import ObjectReport
 from recording.records import RecordingError
 
@@ -30,6 +31,7 @@ def bytes_from_seen(seen: Seen) -> bytes:
                 for one in seen.changed
             ],
             seen.gone,
+            seen.fix and [part.astype("<f8").tobytes() for part in (seen.fix.M, seen.fix.y)],
         )
     )
 
@@ -48,32 +50,48 @@ class Told(msgspec.Struct, array_like=True):
     enlarged: bool = False
 
 
-Whole = tuple[
-    float, int, str, tuple[float, float, float], bytes, bytes, bytes, list[Told], tuple[int, ...]
-]
-DECODER = msgspec.msgpack.Decoder(Whole)
+class Frame(msgspec.Struct, array_like=True):
+    """A `Seen`; in older recordings without the last field."""
+
+    t_s: float
+    epoch: int
+    doubt: str
+    lens_m: tuple[float, float, float]
+    directions: bytes
+    ranges: bytes
+    standing: bytes
+    changed: list[Told]
+    gone: tuple[int, ...]
+    fix: tuple[bytes, bytes] | None = None
+
+
+DECODER = msgspec.msgpack.Decoder(Frame)
 
 
 def seen_from_bytes(data: bytes) -> Seen:
     """The same again. Raises RecordingError: the bytes are no such message."""
     try:
-        t_s, epoch, doubt, lens_m, directions, ranges, standing, changed, gone = DECODER.decode(
-            data
-        )
+        frame = DECODER.decode(data)
         return Seen(
-            *(t_s, epoch, doubt, lens_m),
-            *(_array(directions, "<f4", 3), _array(ranges, "<f4", 0), _array(standing, "<i8", 2)),
+            *(frame.t_s, frame.epoch, frame.doubt, frame.lens_m),
+            *(_array(frame.directions, "<f4", 3), _array(frame.ranges, "<f4", 0)),
+            _array(frame.standing, "<i8", 2),
             tuple(
                 ObjectReport(
                     *(one.id, one.kind, _array(one.outline, "<f8", 2), one.bottom_m, one.top_m),
                     *(one.velocity_mps, one.confidence, one.seen_s, one.enlarged),
                 )
-                for one in changed
+                for one in frame.changed
             ),
-            gone,
+            frame.gone,
+            None if frame.fix is None else _fix(*frame.fix),
         )
     except (msgspec.DecodeError, ValueError) as error:
         raise RecordingError(f"what a depth frame told is damaged: {error}") from None
+
+
+def _fix(M: bytes, y: bytes) -> PoseFix:
+    return PoseFix(_array(M, "<f8", 0).reshape(3, 3), _array(y, "<f8", 0).reshape(3))
 
 
 def _array(data: bytes, kind: str, width: int) -> Any:

@@ -34,6 +34,7 @@ from core.motion.external_pose import (
 from core.motion.path import Path, Place
 from core.motion.shift import Shift
 from core.motion.track import Pose
+from core.pose_fix import PoseFix
 from core.records import F64, ExternalPose, WheelCounts
 
 EXTRAPOLATED_S = 0.4  # longest going on behind the newest pose: as for wheels; at 5 Hz, 0.2 s late
@@ -162,6 +163,15 @@ class PoseTrack:
 
     def correct_slip(self, along: tuple[float, float], slipped_m: float) -> None:
         """Nothing slips: the places are measured."""
+
+    @property
+    def owed(self) -> F64:
+        """Of the yaw (3,): the places are as they were measured."""
+        return np.array([0.0, 0.0, float(self._state.value[YAW])])
+
+    def correct_by(self, fix: PoseFix, at_s: float) -> bool:
+        """No: the places are measured, by something that knows more than a map made by them."""
+        return False
 
     def break_off(self, why: str) -> None:
         """What was mapped up to now is not believed any more: go on from the same place."""

@@ -6,6 +6,7 @@ from msgspec import Struct
 
 from core.motion.path import Place
 from core.motion.shift import Shift
+from core.pose_fix import PoseFix
 from core.records import F64, ExternalPose, WheelCounts
 
 
@@ -66,6 +67,13 @@ class Track(Protocol):
 
     def correct_slip(self, along: tuple[float, float], slipped_m: float) -> None:
         """The scans say that the place has newly run so far ahead, along a unit vector, map."""
+
+    @property
+    def owed(self) -> F64:
+        """By what (3,) the told x, y (m) and yaw (rad) are still to be corrected, map frame."""
+
+    def correct_by(self, fix: PoseFix, at_s: float) -> bool:
+        """What stands says how far the told pose of an instant is off; whether it is believed."""
 
     def settle(self) -> None:
         """Use what has come, as far as attitudes have arrived for it."""

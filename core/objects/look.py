@@ -24,6 +24,7 @@ from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import MapUpdate, ObjectMap
 from core.objects.vector_map.warm import warm_object_map
 from core.objects.wall_reports import WallReports
+from core.pose_fix import PoseFix
 from core.records import (
     F64,
     I64,
@@ -37,6 +38,7 @@ from core.records import (
 )
 
 SIGMA_HEIGHT_M, SIGMA_TILT_RAD = 0.03, 0.02  # of the lens over the floor, as a pose predicts it
+SURE = 0.0, 0.0  # of a pose that is as good as the settings say
 NEW, MOVES = 0.5, 1.0  # confidence in what no map holds yet, and in what was followed as it moved
 OF_OBJECT, OF_OBSTACLE, OF_WALL, KINDS_OF_ID = 0, 1, 2, 3  # what an id is of
 KINDS = {"static": OBJECT_STATIC, "moved": OBJECT_MOVED}
@@ -75,19 +77,21 @@ class FrameLook:
             self._of_map.hull_sigma_m, lambda: self._id(OF_WALL, next(pieces))
         )
 
-    def look(self, image: DepthImage, T_map_sensor: F64, epoch: int) -> Seen:
+    def look(
+        self, image: DepthImage, T_map_sensor: F64, epoch: int, sigmas: tuple[float, float] = SURE
+    ) -> Seen:
         """What an image tells.
 
         Args:
             T_map_sensor: (4, 4) at its instant.
             epoch: of the map frame; with another one all objects begin anew.
+            sigmas: of its x as of its y, m, and of its yaw, rad; the settings' at least.
         """
         if epoch != self._epoch:
             self._epoch = epoch
             self._begin()
-        pose = CameraPose(
-            T_map_sensor, SIGMA_HEIGHT_M, SIGMA_TILT_RAD, SIGMA_TILT_RAD, *self._sigmas
-        )
+        sigmas = max(sigmas[0], self._sigmas[0]), max(sigmas[1], self._sigmas[1])
+        pose = CameraPose(T_map_sensor, SIGMA_HEIGHT_M, SIGMA_TILT_RAD, SIGMA_TILT_RAD, *sigmas)
         result = self._steps.find(image, pose, self._walls())
         is_older = not image.t_s > self._before_s
         if result.doubt or result.floor is None or is_older:
@@ -107,8 +111,11 @@ class FrameLook:
         if self.tell is not None:
             self.tell(self._floor_view(result.objects, update))
         changed, gone = self._changes(update.obstacles)
-        rays = found.directions, found.ranges_m
-        return Seen(image.t_s, epoch, "", image.camera.offset_m, *rays, standing, changed, gone)
+        rays, fix = (found.directions, found.ranges_m), None
+        if (by := result.correction) is not None:
+            fix = PoseFix.of(np.array([by.x_m, by.y_m, by.yaw_rad]), by.covariance, sigmas)
+        lens_m = image.camera.offset_m
+        return Seen(image.t_s, epoch, "", lens_m, *rays, standing, changed, gone, fix)
 
     def start_from(self, saved: SavedMap, at_s: float) -> None:
         """Before the first frame: a saved map or a floor plan, which is told with that frame.

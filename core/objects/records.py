@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-POSE_GATE2 = 11.3  # chi-square, 3 degrees of freedom, 1 %: no fit moves the pose further than that
 
 
 class Detection(NamedTuple):

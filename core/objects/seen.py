@@ -2,6 +2,7 @@
 
 from msgspec import Struct
 
+from core.pose_fix import PoseFix
 from core.records import F32, I64, ObjectReport
 
 
@@ -19,3 +20,4 @@ class Seen(Struct, frozen=True, eq=False):
     standing: I64  # (k, 2) world cells i, j of the map in which something bars the way
     changed: tuple[ObjectReport, ...]  # objects: new ones, and those of which something differs
     gone: tuple[int, ...]  # their ids
+    fix: PoseFix | None = None  # what known walls say of the pose; as it enters, of the body's

@@ -1,5 +1,7 @@
 """A floor cleaner with app, fakes and a planner that drives the path: from frames to floor."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +9,10 @@ import pytest
 
 from cleaner import Cleaner
 from config_file import load_config, with_changes
+from core.motion.odometry import Odometry
 from fakes.planner_mcu.path_driving import PathDriving
 from fakes.scenes.scene import Scene, Solid
+from fakes.world.slip import Slip
 from recording.reader import Recording
 from recording.records import PLANNED
 from tests import ROOT
@@ -76,3 +80,21 @@ def test_a_path_is_planned_told_driven_held_back_in_doubt_and_replayed_to_the_bi
     again = player.app.cleaner
     assert again is not None
     assert (again.goal, again.path.version, again.doubt) == (cleaner.goal, version, cleaner.doubt)
+
+
+@pytest.mark.slow
+def test_walls_keep_the_place_where_wheels_slip(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both wheels count 40 % too much for a second in seven, which no gyro tells."""
+    slips = tuple(Slip(0.4, 0.4, t_s, t_s + 1.0) for t_s in range(20, 100, 7))
+
+    def off_m() -> float:
+        loop = DepthLoop(replace(ROOM, slips=slips), CLEANER, drives=False)
+        driving, begin = PathDriving(loop.planner), loop.rig.world.pose()[:2]
+        loop.run(100.0, lambda: driving.step(loop.now_s))
+        there = loop.rig.world.pose()[:2]
+        x_m, y_m = loop.app.mapper.odometry.xy_at(loop.now_s)
+        return math.hypot(begin[0] + x_m - there[0], begin[1] + y_m - there[1])
+
+    assert off_m() < 0.05
+    monkeypatch.setattr(Odometry, "correct_by", lambda odometry, fix, at_s: True)
+    assert off_m() > 0.1

@@ -21,7 +21,8 @@ from core.objects.frame.floor import SEED, SHARED
 from core.objects.frame.pixels import GATE, I32, sigma_m
 from core.objects.frame.voxels import Voxels
 from core.objects.frame.wall_ends import BINS, grow
-from core.objects.records import POSE_GATE2, Floats
+from core.objects.records import Floats
+from core.pose_fix import GATE2
 from core.records import F32, F64
 from jit import releasing_kernel
 
@@ -113,7 +114,7 @@ def refound(
     for number in range(ROUNDS + 1):
         N, g = np.zeros((3, 3)), np.zeros(3)
         is_first = number == 0
-        if number == ROUNDS and float(offset @ prior @ offset) > POSE_GATE2:
+        if number == ROUNDS and float(offset @ prior @ offset) > GATE2:
             offset, C = np.zeros(3), np.linalg.inv(prior)
         found = on_known(
             voxels, count, lines, sigmas, offset, is_first, within_m, noise, N, g, used

@@ -14,8 +14,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from core.objects.records import POSE_GATE2, Floats, FrameObjects
+from core.objects.records import Floats, FrameObjects
 from core.objects.vector_map.settings import ObjectMapSettings
+from core.pose_fix import GATE2
 from jit import kernel, releasing_kernel
 
 ROUNDS = 4
@@ -92,7 +93,7 @@ def correction_of(
         for side in known:
             _add(side, c, lens, float(s.guard_m), A, b)
         c = c + np.linalg.solve(A, b)
-    if float(c @ prior @ c) > POSE_GATE2:
+    if float(c @ prior @ c) > GATE2:
         c = np.zeros(3)
     return Correction(float(c[0]), float(c[1]), float(c[2]), origin)
 

@@ -5,7 +5,7 @@ import pytest
 
 from core.objects.frame.wall_lines import Correction
 from core.records import F64
-from tools.rig.cleaning.wall_fix import PRIOR, SIGMAS, WallFix
+from tools.rig.cleaning.wall_fix import SIGMAS, WallFix
 
 LENS = np.array([0.3, -0.1])  # from the machine
 WALL = np.diag([0.0, 0.01**-2.0, 0.003**-2.0])  # information of one that tells y and yaw
@@ -14,7 +14,7 @@ WALL = np.diag([0.0, 0.01**-2.0, 0.003**-2.0])  # information of one that tells 
 def told(off: F64, information: F64 = WALL) -> Correction:
     """As a frame's steps tell an error of the machine's pose, with their own knowledge in it."""
     at_lens = off + np.array([-off[2] * LENS[1], off[2] * LENS[0], 0.0])
-    whole = np.asarray(np.linalg.inv(information + PRIOR), np.float64)
+    whole = np.asarray(np.linalg.inv(information + np.diag(SIGMAS**-2.0)), np.float64)
     x, y, yaw = (whole @ information @ at_lens).tolist()
     return Correction(x, y, yaw, whole, 500)
 

@@ -15,6 +15,7 @@ from core.motion.attitude import AttitudeRing
 from core.motion.path import Place
 from core.motion.shift import Shift
 from core.motion.track import Pose
+from core.pose_fix import PoseFix
 from core.records import F64, Attitude, ExternalPose, PointSweep, Scan, WheelCounts
 
 STEP_M, PERIOD_S = 0.010, 0.1  # between two scans
@@ -56,6 +57,7 @@ class GivenTrack:
     def __init__(self) -> None:
         self.corrected_m: F64 = np.zeros(2)
         self.covariance: F64 = np.zeros((3, 3))
+        self.owed: F64 = np.zeros(3)
         self.newest_s, self._place = -math.inf, (0.0, 0.0, 0.0, 0.0)
 
     @property
@@ -85,6 +87,9 @@ class GivenTrack:
 
     def correct_slip(self, along: tuple[float, float], slipped_m: float) -> None:
         """Nothing slips."""
+
+    def correct_by(self, fix: PoseFix, at_s: float) -> bool:
+        return False
 
     def break_off(self, why: str) -> None:
         """All places stay those that are told."""

@@ -57,7 +57,7 @@ class WallMap:
             wall = self._walls.get(record.id)
             if wall is None:
                 wall = self._walls[record.id] = Wall(record.id, segment, at_s, self._s)
-            wall.hit(segment, at_s)
+            wall.hit(segment, segment, at_s)
         wall = self._walls[record.id]
         for opening in record.openings:
             wall.open(opening)
@@ -93,18 +93,14 @@ class WallMap:
             if wall is None:
                 wall = Wall(new_id(), segment, frame.at_s, self._s)
                 self._walls[wall.id] = wall
-            wall.hit(segment, frame.at_s)
+            told = segment.reshape(2, 2) - [by.shift_at(end) for end in segment.reshape(2, 2)]
+            wall.hit(segment, told.ravel(), frame.at_s)
             hits.setdefault(wall.id, []).append(segment)
             self._index.put(wall.id, wall.box())
         near = self._index.near(box_of(np.vstack([frame.view, np.array([frame.origin])])))
         for number in near:
             wall = self._walls[number]
             wall.seen_through(hits.get(number, []), sectors, np.array(frame.origin))
-            if number in hits:
-                gain = 1.0 / (1.0 + min(wall.frames, self._s.memory_frames))
-                wall.point = (
-                    wall.point - gain * (by.shift_at(wall.point) @ wall.normal) * wall.normal
-                )
             if frame.at_s - wall.seen_s > self._s.coast_s and len(wall.record().segments) == 0:
                 del self._walls[number]  # never confirmed, or taken down
                 self._index.remove(number)
@@ -116,4 +112,4 @@ class WallMap:
         near = self._index.near(box_of(ends, 2.0))
         walls = [self._walls[n] for n in near if self._walls[n].is_along(segment)]
         middle = ends.mean(axis=0)[None]
-        return min(walls, key=lambda wall: abs(float(wall.placed(middle)[1][0])), default=None)
+        return min(walls, key=lambda wall: abs(float(wall.measured(middle)[1][0])), default=None)

@@ -1,8 +1,9 @@
 """Walls: long upright planes as lines, judged piece by piece, so that a door opens and closes.
 
-A wall is a line with its covariance, from all segments that lay along it, and a share of hits for
-each piece of it: a running mean over the frames that could see the piece. A piece is wall above one
-half. Where a frame saw through a piece, that counts against it: the piece becomes an opening.
+A wall is a line with pieces along it. Each piece has a share of hits, a running mean over the
+frames that could see it: above one half it is wall. Where a frame saw through a piece, that counts
+against it: the piece becomes an opening. And each has its place, the mean of where frames had it.
+The line is fitted to the places of all pieces: what is seen of one end never turns the other away.
 """
 
 import math
@@ -37,9 +38,9 @@ class Wall:
         self.id, self._s = number, s
         self.point = 0.5 * (segment[:2] + segment[2:])
         self.along = (segment[2:] - segment[:2]) / math.hypot(*(segment[2:] - segment[:2]))
-        self.information = np.zeros((2, 2))  # of offset and slope
         self.start = 0
         self.share, self.weight = np.zeros(0), np.zeros(0)
+        self.aside, self.placed = np.zeros(0), np.zeros(0)  # off the line, m, by so many segments
         self.first_s = self.seen_s = at_s
         self.frames = 0
 
@@ -48,7 +49,7 @@ class Wall:
         """Unit vector (2,) to the left of the wall."""
         return np.array([-self.along[1], self.along[0]])
 
-    def placed(self, points: Floats) -> tuple[Floats, Floats]:
+    def measured(self, points: Floats) -> tuple[Floats, Floats]:
         """Of points (n, 2): how far along the wall, and how far to its left, m."""
         off = points - self.point
         return off @ self.along, off @ self.normal
@@ -56,7 +57,7 @@ class Wall:
     def is_along(self, segment: Floats) -> bool:
         """Whether a segment (4,) is of this wall: its direction, its place, and near its pieces."""
         ends = segment.reshape(2, 2)
-        along, aside = self.placed(ends)
+        along, aside = self.measured(ends)
         length = math.dist(*ends)
         near = 3.0 * math.hypot(self._s.pose_sigma_m, self._s.hull_sigma_m) + self._s.view_gap_m
         turn = math.atan2(abs(float(aside[1] - aside[0])), abs(float(along[1] - along[0])))
@@ -69,27 +70,31 @@ class Wall:
             and gap < 2.0 * near + 1.0
         )
 
-    def hit(self, segment: Floats, at_s: float) -> None:
-        """One frame's segment (4,) of it: the line is fitted, its pieces are wall."""
-        ends = segment.reshape(2, 2)
-        along, aside = self.placed(ends)
-        self._fit(along, aside)
-        along, _ = self.placed(ends)
+    def hit(self, segment: Floats, told: Floats, at_s: float) -> None:
+        """One frame's segment (4,) of it: its pieces are wall, and the line is fitted.
+
+        Args:
+            told: (4,) the same where the frame's pose alone had it.
+        """
+        along, _ = self.measured(segment.reshape(2, 2))
+        _, aside = self.measured(told.reshape(2, 2))
         cell = self._s.wall_cell_m
         first = math.ceil(float(along.min()) / cell - HALF)
         last = math.floor(float(along.max()) / cell - HALF)
         self._reach(first, last)
         mine = slice(first - self.start, last - self.start + 1)
         self._count(np.arange(len(self.share))[mine], 1.0)
+        self._place(mine, along, aside)
+        self._fit()
         self.seen_s, self.frames = at_s, self.frames + 1
 
     def seen_through(self, hits: list[Floats], sectors: Floats, lens: Floats) -> None:
         """One frame's say against pieces that none of its segments covers."""
         cell = self._s.wall_cell_m
-        middle = (self.start + np.arange(len(self.share)) + HALF) * cell
+        middle = self._middles()
         covered = np.zeros(len(middle), dtype=bool)
         for segment in hits:
-            along, _ = self.placed(segment.reshape(2, 2))
+            along, _ = self.measured(segment.reshape(2, 2))
             covered |= (middle > along.min() - cell) & (middle < along.max() + cell)
         points = self.point + middle[:, None] * self.along - lens
         away = points / np.maximum(np.hypot(*points.T), 1e-9)[:, None]
@@ -103,7 +108,7 @@ class Wall:
 
     def open(self, opening: Floats) -> None:
         """A piece (4,) m of it is known to be open."""
-        along, _ = self.placed(opening.reshape(2, 2))
+        along, _ = self.measured(opening.reshape(2, 2))
         cell = self._s.wall_cell_m
         first, last = round(float(along.min()) / cell), round(float(along.max()) / cell) - 1
         self._reach(first, last)
@@ -113,6 +118,7 @@ class Wall:
     def settle(self) -> None:
         """Believe all that is known of it as if it had been seen all along."""
         self.weight[self.weight > 0.0] = self._s.memory_frames
+        self.placed[self.placed > 0.0] = self._s.memory_frames
         self.frames = round(self._s.memory_frames)
 
     def record(self) -> WallRecord:
@@ -130,16 +136,28 @@ class Wall:
         (x0, y0), (x1, y1) = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
         return x0, y0, x1, y1
 
-    def _fit(self, along: Floats, aside: Floats) -> None:
-        """Recursive least squares of offset and slope against both ends, which remember as long
-        as the pieces do."""
-        weight = 1.0 / (self._s.pose_sigma_m**2 + self._s.hull_sigma_m**2)
-        J = np.column_stack([np.ones(2), along])
-        new = weight * J.T @ J
-        self.information = self.information * (1.0 - 1.0 / self._s.memory_frames) + new
-        offset, slope = np.linalg.solve(
-            self.information + 1e-6 * np.eye(2), weight * (J.T @ aside)
-        ).tolist()
+    def _middles(self) -> Floats:
+        """Of all pieces, along the wall, m."""
+        middles = (self.start + np.arange(len(self.share)) + HALF) * self._s.wall_cell_m
+        return np.asarray(middles, np.float64)
+
+    def _place(self, mine: slice, along: Floats, aside: Floats) -> None:
+        """Where a segment of such ends had some pieces."""
+        slope = (aside[1] - aside[0]) / (along[1] - along[0])
+        there = aside[0] + slope * (self._middles()[mine] - along[0])
+        self.placed[mine] = np.minimum(self._s.memory_frames, self.placed[mine] + 1.0)
+        self.aside[mine] += (there - self.aside[mine]) / self.placed[mine]
+
+    def _fit(self) -> None:
+        """The line that is nearest to all pieces, each as often as it was placed."""
+        known = self.placed > 0.0
+        if known.sum() < 2:
+            return
+        middles, weight = self._middles(), self.placed[known]
+        J = np.column_stack([np.ones(len(weight)), middles[known]])
+        N, g = J.T @ (weight[:, None] * J), J.T @ (weight * self.aside[known])
+        offset, slope = np.linalg.solve(N, g).tolist()
+        self.aside[known] -= offset + slope * middles[known]
         self.point = self.point + offset * self.normal
         self.along = self.along + slope * self.normal
         self.along = self.along / math.hypot(*self.along)
@@ -155,6 +173,8 @@ class Wall:
         behind = max(0, last + 1 - self.start - len(self.share))
         self.share = np.pad(self.share, (before, behind))
         self.weight = np.pad(self.weight, (before, behind))
+        self.aside = np.pad(self.aside, (before, behind))
+        self.placed = np.pad(self.placed, (before, behind))
         self.start -= before
 
     def _count(self, pieces: np.ndarray, value: float) -> None:

@@ -2,8 +2,9 @@
 
 A wall is a line with pieces along it. Each piece has a share of hits, a running mean over the
 frames that could see it: above one half it is wall. Where a frame saw through a piece, that counts
-against it: the piece becomes an opening. And each has its place, the mean of where frames had it.
-The line is fitted to the places of all pieces: what is seen of one end never turns the other away.
+against it: the piece becomes an opening. And each has its place, the mean of where all frames had
+it. The line is fitted to the places of all pieces: what is seen of one end does not turn the other
+away, and a place or a heading that wanders does not take the walls along, which correct them.
 """
 
 import math
@@ -105,6 +106,7 @@ class Wall:
             if sees(sectors, behind[k, 0], behind[k, 1]) and sees(sectors, *points[k].tolist())
         ]
         self._count(np.array(gone, dtype=np.int64), 0.0)
+        self.placed[self.share <= HALF] = 0.0  # what will stand there may stand elsewhere
 
     def open(self, opening: Floats) -> None:
         """A piece (4,) m of it is known to be open."""
@@ -145,15 +147,17 @@ class Wall:
         """Where a segment of such ends had some pieces."""
         slope = (aside[1] - aside[0]) / (along[1] - along[0])
         there = aside[0] + slope * (self._middles()[mine] - along[0])
-        self.placed[mine] = np.minimum(self._s.memory_frames, self.placed[mine] + 1.0)
+        self.placed[mine] += 1.0
         self.aside[mine] += (there - self.aside[mine]) / self.placed[mine]
 
     def _fit(self) -> None:
-        """The line that is nearest to all pieces, each as often as it was placed."""
+        """The line that is nearest to all pieces, each as often as it was placed, to a bound: what
+        frames after each other err by hangs together."""
         known = self.placed > 0.0
         if known.sum() < 2:
             return
-        middles, weight = self._middles(), self.placed[known]
+        middles = self._middles()
+        weight = np.minimum(self.placed[known], self._s.memory_frames)
         J = np.column_stack([np.ones(len(weight)), middles[known]])
         N, g = J.T @ (weight[:, None] * J), J.T @ (weight * self.aside[known])
         offset, slope = np.linalg.solve(N, g).tolist()

@@ -315,7 +315,7 @@ class ObjectMap:
         for number in near:
             one = self._objects.get(number)
             if one is not None and number in mine:
-                gain = 1.0 / (1.0 + min(one.frames, self.settings.memory_frames))
+                gain = 1.0 / (1.0 + one.frames)
                 one.shift(-gain * by.shift_at(one.polygon.mean(axis=0)))
 
     def _update_walls(self, now: PreparedFrame, by: Correction) -> None:

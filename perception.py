@@ -160,7 +160,8 @@ class Perception:
 
 def _sigmas(P: F64) -> tuple[float, float]:
     """Of x as of y, m, whichever is larger, and of yaw, rad, by a covariance (3, 3)."""
-    return math.sqrt(float(np.linalg.eigvalsh(P[:2, :2])[-1])), math.sqrt(float(P[2, 2]))
+    largest = float(np.linalg.eigvalsh(P[:2, :2])[-1])
+    return math.sqrt(max(0.0, largest)), math.sqrt(max(0.0, float(P[2, 2])))
 
 
 def made_up_image(t_s: float) -> DepthImage:

@@ -91,7 +91,10 @@ def seen_from_bytes(data: bytes) -> Seen:
 
 
 def _fix(M: bytes, y: bytes) -> PoseFix:
-    return PoseFix(_array(M, "<f8", 0).reshape(3, 3), _array(y, "<f8", 0).reshape(3))
+    fix = PoseFix(_array(M, "<f8", 0).reshape(3, 3), _array(y, "<f8", 0).reshape(3))
+    if not (np.isfinite(fix.M).all() and np.isfinite(fix.y).all()):
+        raise ValueError("what walls say is no number")
+    return fix
 
 
 def _array(data: bytes, kind: str, width: int) -> Any:

@@ -19,6 +19,7 @@ from core.motion.attitude import AttitudeRing
 from core.motion.blind import GAP_S, HIDDEN_M, BlindWay
 from core.motion.error_state import H_YAW, SCALE, SIZE, YAW, X, Y, lay_step, travel
 from core.motion.external_pose import JUMP_M, Positioning, is_sound
+from core.motion.landmarks import Landmarks
 from core.motion.path import Path, Place
 from core.motion.shift import Gap, Shift, maybe_shift
 from core.motion.slip import SIGMA_M
@@ -39,9 +40,6 @@ MOST_COUNTS = 1e12  # beyond this no counter gets
 ALONG_M, ACROSS_M = 0.01, 0.003  # error that a metre of travel adds, beside scale and heading
 CORRECTION_MPS = 0.1  # position is corrected no faster, so that the map is not torn
 RAIL_RAD, OFF_RAIL_RAD = math.radians(0.5), math.radians(5.0)  # 1 sigma in its guides; out of them
-ALIKE_S = 1.0  # looks at the same walls within that err alike
-SLIPPED_M, TURNED_RAD = 0.05, math.radians(1.0)  # a second of looks that do not fit: less sure
-NOTHING_TOLD = 1e-3  # information of less than that is rounding: 30 m, or 30 rad, at 1 sigma
 UNSEEN_MPS = 1.5  # how fast the body may move while only a positioning system tells
 
 
@@ -72,7 +70,7 @@ class Odometry:
         self._track_width_m = track_width_m
         self._path = Path()
         self.wheels = WheelCheck(self._state, track_width_m, self._m_per_count)
-        self.positioning = Positioning(self._state)
+        self.positioning, self._landmarks = Positioning(self._state), Landmarks(self._state)
         self._blind = BlindWay()
         self._waiting: deque[WheelCounts] = deque()
         self._poses: deque[ExternalPose] = deque()
@@ -81,7 +79,6 @@ class Odometry:
         self._yaw_last_rad = 0.0
         self._replaced = False  # since the last counts, a positioning system told the place
         self._start_m, self._start_yaw_rad, self._start_travel_m = np.zeros(3), 0.0, 0.0
-        self._fixed_s = -math.inf  # the newest look at what stands
         self.yaw_start_rad = 0.0  # of the body in the earth frame where the map's x axis points
         self.v_mps = self.w_radps = 0.0  # both from the wheels
         self.breaks = 0
@@ -158,30 +155,11 @@ class Odometry:
     @property
     def owed(self) -> F64:
         """By what (3,) the told x, y (m) and yaw (rad) are still to be corrected, map frame."""
-        return self._state.value[[X, Y, YAW]].copy()
+        return self._landmarks.owed
 
     def correct_by(self, fix: PoseFix, at_s: float) -> bool:
-        """Take what stands says of the told pose of an instant; False: it does not fit.
-
-        It goes into the place and the heading alone, for its errors hang together: those of looks
-        within ALIKE_S are one, and a map that is askew turns every look at it alike. What does not
-        fit is another thing, or wheels have slipped unseen: if it stays, it will fit.
-        """
-        share, self._fixed_s = min(1.0, max(0.0, at_s - self._fixed_s) / ALIKE_S), at_s
-        P = self._state.P
-        if not fix.fits(P[:3, :3]):
-            travel(P, 0.0, 0.0, share * SLIPPED_M**2, 0.0)
-            P[YAW, YAW] += share * TURNED_RAD**2
-            return False
-        told, sides = np.linalg.eigh(share * fix.M)
-        y, before = sides.T @ (share * fix.y), self.owed
-        for information, side, value in zip(told, sides.T, y, strict=True):
-            if information > NOTHING_TOLD:
-                h = np.zeros(SIZE)
-                h[[X, Y, YAW]] = side
-                new = float(value) / information - float(side @ (self.owed - before))
-                self._state.correct_some((X, Y, YAW), h, new, 1.0 / information)
-        return True
+        """What stands says how far the told pose of an instant is off; whether it is believed."""
+        return self._landmarks.take(fix, at_s)
 
     def break_off(self, why: str) -> None:
         """What was mapped up to now is not believed any more: go on from the same place."""

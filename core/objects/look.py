@@ -39,6 +39,7 @@ from core.records import (
 
 SIGMA_HEIGHT_M, SIGMA_TILT_RAD = 0.03, 0.02  # of the lens over the floor, as a pose predicts it
 SURE = 0.0, 0.0  # of a pose that is as good as the settings say
+LOST = 3.0  # times less sure than these: what is near may be another wall
 NEW, MOVES = 0.5, 1.0  # confidence in what no map holds yet, and in what was followed as it moved
 OF_OBJECT, OF_OBSTACLE, OF_WALL, KINDS_OF_ID = 0, 1, 2, 3  # what an id is of
 KINDS = {"static": OBJECT_STATIC, "moved": OBJECT_MOVED}
@@ -85,12 +86,17 @@ class FrameLook:
         Args:
             T_map_sensor: (4, 4) at its instant.
             epoch: of the map frame; with another one all objects begin anew.
-            sigmas: of its x as of its y, m, and of its yaw, rad; the settings' at least.
+            sigmas: of its x as of its y, m, and of its yaw, rad; those of the settings at least,
+                and LOST times these at most.
         """
         if epoch != self._epoch:
             self._epoch = epoch
             self._begin()
-        sigmas = max(sigmas[0], self._sigmas[0]), max(sigmas[1], self._sigmas[1])
+        xy_m, yaw_rad = self._sigmas
+        sigmas = (
+            min(max(sigmas[0], xy_m), LOST * xy_m),
+            min(max(sigmas[1], yaw_rad), LOST * yaw_rad),
+        )
         pose = CameraPose(T_map_sensor, SIGMA_HEIGHT_M, SIGMA_TILT_RAD, SIGMA_TILT_RAD, *sigmas)
         result = self._steps.find(image, pose, self._walls())
         is_older = not image.t_s > self._before_s

@@ -47,11 +47,12 @@ def test_an_older_recording_says_nothing_of_larger_outlines_nor_of_walls() -> No
     assert again.fix is None
 
 
-def test_a_fix_of_another_size_is_refused() -> None:
+def test_a_fix_of_another_size_or_of_no_numbers_is_refused() -> None:
     parts = msgspec.msgpack.decode(bytes_from_seen(seen()))
-    parts[-1] = [bytes(64), bytes(24)]
-    with pytest.raises(RecordingError, match="damaged"):
-        seen_from_bytes(msgspec.msgpack.encode(parts))
+    for damaged in ([bytes(64), bytes(24)], [bytes(72), np.full(3, np.nan).tobytes()]):
+        parts[-1] = damaged
+        with pytest.raises(RecordingError, match="damaged"):
+            seen_from_bytes(msgspec.msgpack.encode(parts))
 
 
 def test_an_object_that_lacks_a_field_is_refused() -> None:

@@ -1,4 +1,4 @@
-"""A place that wheels tell, kept by walls that stand: `Odometry.correct_by`."""
+"""A place that wheels tell, kept by walls that stand."""
 
 import math
 

@@ -16,13 +16,12 @@ from shapely import Polygon
 from core.coverage_settings import CoverageSettings
 from core.paths.cleaning.cleaning import Cleaning, CleaningSettings, Task
 from core.paths.cleaning.planned import Place, Planned
-from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of
+from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of, walls
 from core.paths.records import Machine
 from core.records import F64, FloorView, PathSegment
 
 MOST_WAITING = 4096  # views or places; the oldest go first
 NEAR_M = 2.5  # things that a frame may lay on floor which was seen
-WALL_M = 0.01  # half of a wall's thickness: it is known as a line
 BARRED_S = 20.0  # for so long a place that barred the way counts as a thing
 LOOK_EVERY_S = 0.5  # whether what is looked for has been seen is asked so often
 TURN_M = 0.04  # of a path whose end means a direction alone
@@ -86,7 +85,7 @@ class LiveCleaning:
     def _take(self, view: FloorView, place: Place) -> None:
         if view.standing is not None:
             self._standing = [thing_of(one.outline_m, one.seen) for one in view.standing]
-            self._standing += _thin(view.walls_m)
+            self._standing += walls(view.walls_m)
         self._passing = [new_thing(one) for one in view.passing]
         here = shapely.Point(place[:2])
         near = [one for one in outlines(self._things(here)) if one.dwithin(here, NEAR_M)]
@@ -98,7 +97,7 @@ class LiveCleaning:
         solid = [one for one in found if not one.outline.contains(here)]
         around = [one for one in outlines(found) if one.contains(here)]
         rings = [shapely.get_coordinates(one.exterior) for one in around]
-        return solid + [side for ring in rings for side in _thin(np.hstack([ring[:-1], ring[1:]]))]
+        return solid + [side for ring in rings for side in walls(np.hstack([ring[:-1], ring[1:]]))]
 
     def _is_seen(self, asked: Request) -> bool:
         """Whether what it goes to look at has been seen on the way."""
@@ -154,9 +153,3 @@ def _from_here(told: list[PathSegment], place: Place, task: Task) -> tuple[PathS
         off = TURN_M * np.array([[math.cos(task.yaw), math.sin(task.yaw)]])
         told = [*told, PathSegment(False, np.vstack([end, end + off]))]
     return tuple(told)
-
-
-def _thin(lines_m: F64) -> list[Thing]:
-    """Lines (n, 4) as things."""
-    lines = shapely.linestrings(lines_m.reshape(-1, 2, 2))
-    return [Thing(one) for one in shapely.buffer(lines, WALL_M, cap_style="square")]

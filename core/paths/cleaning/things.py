@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from core.records import F64, Flags
 
+WALL_M = 0.01  # half of a wall's thickness: it is known as a line
 GAP_M = 0.12  # from the end of a view to what it ends at, at most
 
 
@@ -33,6 +34,12 @@ def thing_of(outline: F64, finished: Flags) -> Thing:
 def new_thing(outline: F64 | Polygon) -> Thing:
     """One that no map holds yet: nobody knows how far it reaches."""
     return Thing(Polygon(outline), np.zeros((0, 4)))
+
+
+def walls(lines_m: F64, aside_m: float = WALL_M) -> list[Thing]:
+    """Lines (n, 4), x1, y1, x2, y2, as things that reach so far to either side."""
+    lines = shapely.linestrings(lines_m.reshape(-1, 2, 2))
+    return [Thing(one) for one in shapely.buffer(lines, aside_m, cap_style="square")]
 
 
 def outlines(things: Iterable[Thing]) -> list[Polygon]:

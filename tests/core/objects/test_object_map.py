@@ -293,6 +293,16 @@ def test_a_tall_post_flat_on_a_wall_is_no_person_and_two_short_looks_make_it_an_
     assert len(objects.objects()) == (x_m > 2.9)
 
 
+def test_somebody_who_leans_into_a_wall_is_not_flat_on_it() -> None:
+    world, objects = World([], noise=NOISE), ObjectMap(SETTINGS)
+    world.walls = np.array([[3.0, -1.5, 3.0, 1.5]])
+    watch(world, objects, 40)
+    world.things = [person(3.0, 0.3)]  # half of him in a niche
+    [*_, last] = watch(world, objects, 4 * SETTINGS.confirm_frames)
+    assert objects.objects() == []
+    assert len(last.obstacles) == 1
+
+
 @pytest.mark.parametrize(("frames", "left"), [(8, 0), (40, 1)])
 def test_a_walls_end_face_goes_when_the_wall_is_known_unless_it_has_settled(
     frames: int, left: int

@@ -19,7 +19,7 @@ from core.objects.frame.steps import CameraPose, FrameSteps
 from core.objects.vector_map.newcomers import Obstacle
 from core.objects.vector_map.object_map import ObjectMap
 from core.paths.cleaning.cleaning import TURN_RAD, Cleaning, CleaningSettings, Place, Task
-from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of
+from core.paths.cleaning.things import WALL_M, Thing, new_thing, outlines, thing_of, walls
 from core.paths.geometry.rings import joined
 from core.paths.geometry.space import polygons_in
 from core.paths.records import Machine
@@ -34,7 +34,7 @@ from fakes.world.path_follower import PERIOD_S, Limits, PathFollower
 from fakes.world.rolling import RollingWorld
 from tools.rig.cleaning.recent_views import RecentViews
 from tools.rig.cleaning.truth import Truth, gap_of
-from tools.rig.cleaning.wall_fix import SIGMAS, WallFix
+from tools.rig.cleaning.wall_fix import SIGMAS, TIME_S, WallFix
 
 MODEL: Model = "t"  # 176 x 144 pixels, 62 by 52 degrees
 FLYING_DEG = 12.0  # of a lens with so few pixels: at 3 degrees what flies less than 0.12 r stays
@@ -47,13 +47,12 @@ SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.025, size_m=90.0, seen_frames=3, start_clear_m=1.4, guard_m=0.03,
     explained_m=0.15, sliver_m=0.06, enough=0.002, rounds=6, tries=24,
 )  # fmt: skip
-POSE_M, POSE_RAD, POSE_S = 0.01, math.radians(0.2), 10.0  # 1 sigma of the told pose, its time
+POSE_M, POSE_RAD = 0.01, math.radians(0.2)  # 1 sigma of the told pose
 AHEAD_M = 0.9  # of the path that is looked at: the machine stands before what is on it
 KEPT_M = (
     MACHINE.margin_m
 )  # so far from the path nothing may stand: guard_m is for outlines that change
 SLACK_M = 0.005
-WALL_M = 0.01  # to either side of a wall's line, where paths are laid: 1 sigma of it
 HIDDEN_M = 0.03  # so far before it things are taken for the wall: a voxel, and noise
 LAG_S, LAG_M = 0.2, 0.03  # of the way on which it comes to stand, where it heads
 ENTERED_M = (0.1, 0.3, 0.5)  # of the path: what its front is about to enter there
@@ -129,7 +128,7 @@ class Drift:
         self._off = np.zeros(3)  # exact at the dock, as its mark is known
 
     def step(self) -> None:
-        keep = math.exp(-PERIOD_S / POSE_S)
+        keep = math.exp(-PERIOD_S / TIME_S)
         sigmas = math.sqrt(1 - keep * keep) * np.array([POSE_M, POSE_M, POSE_RAD])
         self._off = keep * self._off + sigmas * self._random.standard_normal(3)
 
@@ -231,8 +230,7 @@ class HallRun:
         if wall_m not in self._known:
             found = [thing_of(one.polygon, one.finished) for one in self.map.objects()]
             for wall in self.map.walls.records():
-                lines = shapely.linestrings(wall.segments.reshape(-1, 2, 2))
-                found += [Thing(one) for one in shapely.buffer(lines, wall_m, cap_style="square")]
+                found += walls(wall.segments, wall_m)
             self._known[wall_m] = found
         return self._known[wall_m]
 

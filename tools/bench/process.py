@@ -61,7 +61,7 @@ UNUSED_S = {"shipped": (225 - 150) / 360 / 25, "fast": 0.0}  # of a scan, behind
 ABOUT = {"shipped": "25 Hz, 481 beams, 101 cells", "fast": "50 Hz, 541 beams, 401 cells"}
 LEGEND = """Motors off, the world drives. Peer: a fixed round of Python and NumPy beside the app.
 Libraries: `import numba, numpy`. Counts and ratios compare between machines, times do not."""
-WINDOW_S = 3.0  # CPU time is that of the least of such windows: others on the machine only add
+WINDOW_S = 1.0  # CPU time is that of the least of such windows: others on the machine only add
 STRACE_S = 5.0
 PEER = [sys.executable, "-m", "tools.bench.peer"]
 POLL_S = 0.002  # while it starts
@@ -184,14 +184,13 @@ class Watched:
         }
 
     def _rounds_per_s(self, seen: Sequence[Usage]) -> float:
-        """CPU time in rounds of the peer in the same seconds: the median. Raises RunError."""
+        """CPU time in rounds of the peer, each of its least window. Raises RunError."""
         assert self._peer is not None
         if complaint := self._peer.end():
             raise RunError(complaint)
         rounds = rounds_from_text(self._peer.out.read_text(encoding="ascii"))
-        return statistics.median(
-            rates_between(before, after).cpu
-            / statistics.mean(spent for at_s, spent in rounds if before.at_s <= at_s < after.at_s)
+        return least_cpu(seen) / min(
+            statistics.mean(spent for at_s, spent in rounds if before.at_s <= at_s < after.at_s)
             for before, after in pairwise(seen)
         )
 

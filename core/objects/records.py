@@ -18,6 +18,7 @@ class Detection(NamedTuple):
     bottom_m: float  # its lowest point, above the floor
     top_m: float  # its highest one
     points: int  # points of the frame that it stands on, behind voxel thinning
+    is_cut: bool = False  # the image ends right above: it may be taller
 
 
 class FrameObjects(NamedTuple):

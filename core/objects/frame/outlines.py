@@ -8,7 +8,8 @@ Source: docs/objects.md, section 7.
 
 from typing import NamedTuple
 
-from core.objects.frame.pixels import I32, Points
+from core.objects.frame.pixels import I32, Fan, Points, fan_cell
+from core.objects.frame.view import NOWHERE
 from core.objects.frame.voxels import (
     BESIDE_X,
     BESIDE_Y,
@@ -19,10 +20,11 @@ from core.objects.frame.voxels import (
     part_of,
     table_size,
 )
-from core.records import F32, I64
+from core.records import F32, F64, I64
 from jit import kernel, releasing_kernel
 
 PARTS = 4  # of a column along each edge
+AT_RIM = 2.5  # pixels: a point has the first row or the second one, and is the mean of a voxel
 BESIDE = tuple(x * BESIDE_X + y * BESIDE_Y for y in (-1, 0, 1) for x in (-1, 0, 1) if x or y)
 
 
@@ -36,6 +38,7 @@ class Measures(NamedTuple):
     high: F32
     near2: F32  # m2, of the voxels nearest to the lens and farthest from it
     far2: F32
+    cut: I32  # 1: it goes on where the image ends, above
     begin: I32  # (clusters + 1,) where its rim begins among all, and the last one's ends
 
 
@@ -54,14 +57,32 @@ class Columns(NamedTuple):
     y: F32
 
 
+@kernel
+def _is_at_rim(x: float, y: float, z: float, fan: Fan, rim: F64, pixel_rad: float) -> bool:
+    """Whether the image ends right above a point; z from the lens."""
+    at = fan_cell(x, y, fan)
+    if at < 0:
+        return False
+    row, rise = at // fan.steps, z / x
+    most = max(rim[max(0, row - 1)], rim[row], rim[min(row + 1, rim.size - 1)])
+    return bool(most > -NOWHERE and rise >= most - AT_RIM * pixel_rad * (1.0 + rise * rise))
+
+
 @releasing_kernel
 def measure(
-    voxels: Voxels, count: int, labels: I32, lens_m: float, to: Measures, clusters: int
-) -> None:
-    """Fill all but the rims and the columns."""
+    voxels: Voxels, count: int, labels: I32, lens_m: float, fan: Fan, rim: F64, pixel_rad: float,
+    to: Measures, clusters: int,
+) -> None:  # fmt: skip
+    """Fill all but the rims and the columns.
+
+    Args:
+        rim: (bearings,) of `view.rise_to_rim`.
+        pixel_rad: from one row of the image to the next.
+    """
     for c in range(clusters):
         to.pixels[c], to.voxels[c], to.columns[c] = 0, 0, 0
         to.low[c], to.high[c], to.near2[c], to.far2[c] = 1e9, -1e9, 1e9, 0.0
+        to.cut[c] = 0
     for v in range(count):
         c = labels[v]
         if c == NONE:
@@ -73,6 +94,8 @@ def measure(
         x, y, z = voxels.x[v], voxels.y[v], voxels.z[v] - lens_m
         range2 = x * x + y * y + z * z
         to.near2[c], to.far2[c] = min(to.near2[c], range2), max(to.far2[c], range2)
+        if to.cut[c] == 0 and _is_at_rim(x, y, voxels.high[v] - lens_m, fan, rim, pixel_rad):
+            to.cut[c] = 1
 
 
 @releasing_kernel

@@ -75,6 +75,7 @@ class Room:
             ints(cells), ints(cells), floats(cells), ints(cells), bearings, steps, FAN_STEP_M,
             width, FAN_HALF, 1.0 / FAN_STEP_M, 1.0 / width,
         )  # fmt: skip
+        self.rim: F64 = np.zeros(bearings)
         self.near, self.far = np.zeros(bearings), np.zeros(bearings)
 
 

@@ -185,6 +185,7 @@ class FrameSteps:
         )
         R = floor.level_rotation(b, c) @ level.R
         view.clear(room.fan)
+        view.rise_to_rim(room.units, _row(R), room.fan, room.rim)
         pixels.classify(
             room.units, room.padded, Leveled(_singles(R), _singles(gate2)),
             Limits(*_singles(limits)), room.kinds, room.points, room.fan, room.row,
@@ -211,8 +212,8 @@ class FrameSteps:
         count = voxels.thin(room.points, last, -1, pits, settings.voxel_m, room.voxels)
         deep_m = -settings.pit_m  # at least
         for pit in self._clusters(room, (last, -1, pits), count, noise):
-            found.append(pit._replace(bottom_m=deep_m, top_m=0.0))
-        found += self._low(room, noise)
+            found.append(pit._replace(bottom_m=deep_m, top_m=0.0, is_cut=False))
+        found += [one._replace(is_cut=False) for one in self._low(room, noise)]
         view.reaches(room.fan, room.down_rad / lens_m, settings.low_m, room.near, room.far)
         turn = _turn(level.yaw_rad)
         middle = level.lens[:2]
@@ -328,7 +329,9 @@ class FrameSteps:
         found = summits.part(
             room.voxels, count, labels, settings.summit_m, room.clusters, room.columns, room.bins
         )
-        outlines.measure(room.voxels, count, labels, noise[2], measures, found)
+        outlines.measure(
+            room.voxels, count, labels, noise[2], room.fan, room.rim, room.down_rad, measures, found
+        )
         pitch2 = room.across_rad * room.down_rad * measures.near2[:found]
         least = np.maximum(LEAST_PIXELS, LEAST_SHARE * settings.least_m**2 / pitch2)
         kept = np.flatnonzero(measures.pixels[:found] >= least)
@@ -338,7 +341,7 @@ class FrameSteps:
         number[kept] = np.arange(len(kept), dtype=np.int32)
         labels[:count] = number[labels[:count]]
         low, high = measures.low[kept].tolist(), measures.high[kept].tolist()
-        used = measures.voxels[kept].tolist()
+        used, cut = measures.voxels[kept].tolist(), (measures.cut[kept] != 0).tolist()
         outlines.outline(
             room.points, *where, edge_m, room.voxels, count, labels, room.columns, measures,
             len(kept),
@@ -350,7 +353,7 @@ class FrameSteps:
             gap_m, n, room.rings,
         )  # fmt: skip
         polygons = hulls.polygons_of(room.rings, n, edge_m, settings.hull_m)
-        return [Detection(polygons[k], low[k], high[k], used[k]) for k in range(n)]
+        return [Detection(polygons[k], low[k], high[k], used[k], cut[k]) for k in range(n)]
 
     def _low(self, room: Room, noise: tuple[float, float, float]) -> list[Detection]:
         """Carpets, sills and the like: patches of floor that are higher than the floor."""

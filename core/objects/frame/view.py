@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from core.objects.frame.floor import Nine
 from core.objects.frame.pixels import Fan, Points, fan_cell
 from core.objects.frame.voxels import Voxels
 from core.objects.records import Floats
@@ -67,6 +68,29 @@ def add_things(voxels: Voxels, count: int, fan: Fan) -> None:
         at = fan_cell(voxels.x[v], voxels.y[v], fan)
         if at >= 0:
             fan.things[at] += voxels.pixels[v]
+
+
+@releasing_kernel
+def rise_to_rim(units: F32, R: Nine, fan: Fan, rim: F64) -> None:
+    """The highest that the image shows at each bearing: z / x above the lens, (bearings,).
+
+    -NOWHERE where no pixel of the image's rim looks that way.
+
+    Args:
+        units: (3, rows, columns) of rays; 0: no ray.
+        R: from sensor to level, row by row.
+    """
+    rim[:] = -NOWHERE
+    _, rows, columns = units.shape
+    for i in range(rows):
+        for j in range(0, columns, 1 if i == 0 or i == rows - 1 else columns - 1):
+            a, b, c = units[0, i, j], units[1, i, j], units[2, i, j]
+            x = R[0] * a + R[1] * b + R[2] * c
+            y = R[3] * a + R[4] * b + R[5] * c
+            at = fan_cell(x, y, fan)
+            if at >= 0:
+                row = at // fan.steps
+                rim[row] = max(rim[row], (R[6] * a + R[7] * b + R[8] * c) / x)
 
 
 @releasing_kernel

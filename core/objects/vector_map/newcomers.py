@@ -78,9 +78,12 @@ class Newcomer:
 
 
 def is_person_like(sight: Sight, s: ObjectMapSettings) -> bool:
-    """Tall and slender enough, and not flat on a wall: it may walk away at any time."""
-    size = float(np.ptp(_hull(sight), axis=0).max())
-    is_tall = sight.detection.top_m >= s.person_height_m
+    """Tall and slender enough, and not flat on a wall: it may walk away at any time.
+
+    Of what the image cuts off above nobody knows how tall it is.
+    """
+    size, seen = float(np.ptp(_hull(sight), axis=0).max()), sight.detection
+    is_tall = seen.top_m >= s.person_height_m or seen.is_cut
     return is_tall and size <= s.person_width_m and not sight.is_flat
 
 
@@ -214,6 +217,7 @@ def _as_one(parts: Sequence[Sight]) -> Sight:
         min(one.bottom_m for one in detections),
         max(one.top_m for one in detections),
         sum(one.points for one in detections),
+        any(one.is_cut for one in detections),
     )
     sides, is_apart = np.vstack([one.pieces for one in parts]), all(one.is_apart for one in parts)
     return parts[0]._replace(detection=whole, pieces=sides, is_apart=is_apart)

@@ -113,6 +113,27 @@ def test_a_box_becomes_four_corners(far_m: float, yaw_deg: float) -> None:
     assert told[0].bottom_m < 0.06
 
 
+@given(
+    st.floats(0.8, 3.0), st.floats(-0.35, 0.35), st.floats(0.1, 1.1), st.floats(10.0, 40.0),
+    st.floats(-3.0, 3.0),
+)  # fmt: skip
+def test_what_goes_on_above_the_image_is_cut_and_nothing_else(
+    far_m: float, aside: float, high_m: float, pitch_deg: float, roll_deg: float
+) -> None:
+    at = placed(0.6, pitch_deg, roll_deg)
+    box = Box(far_m, aside * far_m, 0.1, 0.3, 0.0, high_m)
+    told = found(Scene((box,)), at, noise_m=0.001).objects.detections
+    front = np.array([[far_m - 0.05, y] for y in box.y_m + np.linspace(-0.15, 0.15, 7)])
+    x, y, z = (CAMERA.rays[0, ::-1].astype(float) @ at[:3, :3].T).T  # the image's first row
+    rise = np.interp(front[:, 1] / front[:, 0], y / x, z / x)
+    most_m = 0.6 + rise * front[:, 0]
+    row_m = far_m / FOCAL_PX * (1.0 + rise.min() ** 2)
+    if len(told) == 1 and high_m > most_m.max():
+        assert told[0].is_cut
+    if high_m < most_m.min() - 4.0 * row_m - 0.03:
+        assert not any(one.is_cut for one in told)
+
+
 def test_noise_of_ranges_makes_no_thing_larger() -> None:
     noise_m, box = 0.012, Box(2.2, 0.0, 0.3, 0.4, 0.0, 0.3)
     settings = msgspec.structs.replace(SETTINGS, noise_m=noise_m)

@@ -293,6 +293,17 @@ def test_a_tall_post_flat_on_a_wall_is_no_person_and_two_short_looks_make_it_an_
     assert len(objects.objects()) == (x_m > 2.9)
 
 
+@pytest.mark.parametrize("is_cut", [False, True])
+def test_what_goes_on_above_the_image_may_be_a_person(is_cut: bool) -> None:
+    world, objects = World([box(1.0, 0.0, 0.3, 0.3, top_m=0.7)]), ObjectMap(SETTINGS)
+    for _ in range(2 * SETTINGS.confirm_frames):
+        frame = world.frame(0.0, 0.0, 0.0)
+        seen = tuple(one._replace(is_cut=is_cut) for one in frame.detections)
+        told = objects.update(frame._replace(detections=seen)).obstacles
+        world.walk()
+    assert (len(objects.objects()), len(told)) == ((0, 1) if is_cut else (1, 0))
+
+
 def test_somebody_who_leans_into_a_wall_is_not_flat_on_it() -> None:
     world, objects = World([], noise=NOISE), ObjectMap(SETTINGS)
     world.walls = np.array([[3.0, -1.5, 3.0, 1.5]])

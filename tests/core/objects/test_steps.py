@@ -45,7 +45,17 @@ def clustered(points: F64) -> tuple[int, int]:
 
 def polygons(points: F64) -> list[F64]:
     count, found = clustered(points)
-    outlines.measure(ROOM.voxels, count, ROOM.labels, 0.0, ROOM.measures, found)
+    outlines.measure(
+        ROOM.voxels,
+        count,
+        ROOM.labels,
+        0.0,
+        ROOM.fan,
+        ROOM.rim,
+        ROOM.down_rad,
+        ROOM.measures,
+        found,
+    )
     outlines.outline(
         ROOM.points, 0, 1, len(points), EDGE_M, ROOM.voxels, count, ROOM.labels, ROOM.columns,
         ROOM.measures, found,

@@ -230,11 +230,20 @@ class StandingThing(Struct, frozen=True, eq=False):
     seen: Flags  # (n,) side k, from corner k on, was seen along its whole length
 
 
+class PassingThing(Struct, frozen=True, eq=False):
+    """What no map holds yet, or moves; map frame, metres."""
+
+    id: int  # never that of another one in one run
+    outline_m: F64  # (n, 2)
+    is_moving: bool  # it was seen to move; False: it is new, and may stay
+    is_seen: bool  # in this frame
+
+
 class FloorView(Struct, frozen=True, eq=False):
     """What one frame of a depth camera tells who plans on the floor; map frame, metres."""
 
     view_m: F64  # (n, 2) outline of the floor that was seen; nothing is said of what lies outside
-    passing: tuple[F64, ...]  # outlines (k, 2) of what no map holds yet, or moves
+    passing: tuple[PassingThing, ...]
     standing: tuple[StandingThing, ...] | None  # all objects of the map; None: they are as before,
     walls_m: F64  # (m, 4) and so are its walls: x1, y1, x2, y2
 

@@ -34,6 +34,7 @@ from core.records import (
     DepthImage,
     FloorView,
     ObjectReport,
+    PassingThing,
     StandingThing,
 )
 
@@ -144,7 +145,10 @@ class FrameLook:
     def _floor_view(self, frame: FrameObjects, update: MapUpdate) -> FloorView:
         """Before the changes of the map are told: what is standing is told with each of them."""
         view = update.correction.frame(frame).view
-        passing = tuple(one.polygon for one in update.obstacles)
+        passing = tuple(
+            PassingThing(one.id, one.polygon, one.is_moving, one.last_seen_s == frame.at_s)
+            for one in update.obstacles
+        )
         if update.version == self._version:
             return FloorView(view, passing, None, np.zeros((0, 4)))
         objects = self._objects.objects()

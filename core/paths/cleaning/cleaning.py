@@ -24,13 +24,13 @@ from core.paths.cleaning.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
-from core.paths.cleaning.seen_floor import SeenFloor, SweptFloor
+from core.paths.cleaning.seen_floor import SPECK_M2, Doubt, SeenFloor, SweptFloor
 from core.paths.cleaning.things import GAP_M, Thing, before, outlines
 from core.paths.coverage.plan import plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
 from core.paths.records import Machine, Segment
-from core.records import F64
+from core.records import F64, PassingThing
 
 Goal = Literal["look", "sweep", "home", "wait", "done", "stuck"]
 Place = tuple[float, float, float]  # x, y, yaw
@@ -42,9 +42,11 @@ ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
 GRAZING_M = 0.1  # from things to the line along which it looks past them
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
-SPECK_M2 = 0.005  # that is not clean: so little is left at the borders of bands
+DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
+BARRED_M = 1.5  # around where it was barred unseen floor stays so: its views begin at 1.15 m
+NOWHERE = Polygon()
 PARTED_M2, PARTED_LOOKS = 1.0, 8  # of places that are parted off: so often it turns and looks again
 
 
@@ -93,14 +95,34 @@ class Cleaning:
         self._things: list[Thing] = []
         self._looks, self._looks_in_all = Counter[Block](), Counter[Block]()  # at frontiers
         self._looked_at: dict[Block, tuple[float, float]] = {}
+        self._doubts = dict[int, list[Doubt]]()  # by what is new: of floor below it
         self._rounds = self._tried = self._parted = 0
         self._won_m2 = 0.0
 
-    def see(self, view: F64, standing: Iterable[Polygon]) -> None:
-        """A frame's view (n, 2), and all near the machine that is known to stand or to move."""
+    def see(
+        self, view: F64, standing: Iterable[Polygon], passing: Iterable[PassingThing] = ()
+    ) -> None:
+        """A frame's view (n, 2), and all near the machine that is known to stand or to move.
+
+        Floor that somebody walks over stays as it was, also before he was seen to move.
+        """
         self.floor.add(view)
         for one in standing:
             self.floor.doubt(_outline(one.buffer(self.settings.cell_m)))
+        doubts = dict[int, list[Doubt]]()
+        for new in passing:
+            before = self._doubts.get(new.id, [])
+            if new.is_moving:
+                for doubt in before:
+                    self.floor.restore(doubt)
+                continue
+            if not new.is_seen:
+                doubts[new.id] = before
+                continue
+            wide = Polygon(new.outline_m).buffer(self.settings.cell_m)
+            doubt = self.floor.doubt(_outline(wide))
+            doubts[new.id] = [*before, doubt] if doubt.is_any else before
+        self._doubts = doubts
 
     def drive(self, begin: Place, end: Place, sweeps: bool) -> None:
         """The machine has gone there: no thing stands where it stands."""
@@ -116,14 +138,30 @@ class Cleaning:
         x, y, yaw = place
         at = x + AHEAD_M * math.cos(yaw), y + AHEAD_M * math.sin(yaw)
         tool = disc(at, self.settings.machine.width_m / 2)
-        return self.clean.count_below(tool) * self.settings.cell_m**2 > SPECK_M2
+        return self.clean.count_below(tool) * self.settings.cell_m**2 > DIRT_M2
 
-    def free(self, things: Sequence[Thing]) -> BaseGeometry:
-        """Where the machine's outline may be: seen, or right before a thing; and away from it."""
+    def free(self, things: Sequence[Thing], barred: BaseGeometry = NOWHERE) -> BaseGeometry:
+        """Where the machine's outline may be: seen, or right before a thing; and away from it.
+
+        Small holes in it will be seen before the machine is there, but where it was barred.
+        """
         known, guard_m = outlines(things), self.settings.guard_m
         bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in known])
-        seen = self.floor.free()
+        seen = self._without_holes(self.floor.free(), [*known, barred])
         return shapely.union_all([seen, *self._beside(seen, things)]).difference(bars)
+
+    def _without_holes(self, seen: MultiPolygon, known: Sequence[BaseGeometry]) -> BaseGeometry:
+        """Seen floor with what is not seen in its midst, away from all that is known there."""
+        most_m2 = math.pi * self.settings.machine.radius_m**2
+        tree, filled = shapely.STRtree(known), list[BaseGeometry]([seen])
+        for part in seen.geoms:
+            for ring in part.interiors:
+                hole = Polygon(ring)
+                if hole.area < SPECK_M2 or (
+                    hole.area < most_m2 and not len(tree.query(hole, "dwithin", GAP_M))
+                ):
+                    filled.append(hole)
+        return shapely.union_all(filled)
 
     def explain(self, things: Sequence[Thing]) -> None:
         """Keep which floor lies right before things, for `floor.is_free`."""
@@ -136,7 +174,9 @@ class Cleaning:
         closed = shapely.buffer(both, -GAP_M / 2, quad_segs=2)
         return polygons_in(closed.intersection(before(things)).difference(seen))
 
-    def plan(self, place: Place, things: Sequence[Thing], may_look: bool) -> Task:
+    def plan(
+        self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None = None
+    ) -> Task:
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
 
         Behind a third of them it looks no more, behind half of them it goes home.
@@ -144,22 +184,25 @@ class Cleaning:
         Args:
             things: all that is known to stand or to move, walls too.
             may_look: False: something barred the way; go on as before, whatever is unseen.
+            old: what is left of the path (n, 2) that it sweeps along.
         """
         won_m2 = self.floor.area_m2 + self.clean.area_m2
         self._tried += 1
         if won_m2 > self._won_m2 + WON_M2:
             self._tried, self._won_m2 = 0, won_m2
-        task = self._next(place, things, may_look and self._tried < self.settings.tries // 3)
+        may_look = may_look and self._tried < self.settings.tries // 3
+        task = self._next(place, things, may_look, old)
         if self._tried < self.settings.tries:
             return task
         return Task("stuck", why=task.why or f"the way is barred again and again, to {task.goal}")
 
-    def _next(self, place: Place, things: Sequence[Thing], may_look: bool) -> Task:
+    def _next(self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None) -> Task:
         self._things = list(things)
         here = place[0], place[1]
         self.explain(things)
         try:
-            free = self.free(things)
+            barred = NOWHERE if may_look else shapely.Point(here).buffer(BARRED_M)
+            free = self.free(things, barred)
             space = space_at(MultiPolygon(polygons_in(free)), self.settings.machine, here)
         except FloorError:
             return Task("wait", why="the machine has no room where it stands")
@@ -167,7 +210,7 @@ class Cleaning:
         if may_look and (task := self._look(space, graph, place)) is not None:
             return task
         self._rounds += may_look
-        return self._sweep(free, space, here) or self._home(free, space, graph, place)
+        return self._sweep(free, space, here, old) or self._home(free, space, graph, place)
 
     def frontiers(self, things: Sequence[Thing]) -> set[Block]:
         """Names of the frontiers that there are."""
@@ -212,7 +255,9 @@ class Cleaning:
             return None
         return np.vstack([[place[:2]], way])
 
-    def _sweep(self, free: BaseGeometry, space: Polygon, here: tuple[float, float]) -> Task | None:
+    def _sweep(
+        self, free: BaseGeometry, space: Polygon, here: tuple[float, float], old: F64 | None
+    ) -> Task | None:
         s = self.settings
         target = grown(space, s.machine.width_m / 2).intersection(free)
         swept = self.clean.area()
@@ -223,7 +268,7 @@ class Cleaning:
             return None
         done = target.difference(wide)
         try:
-            plan = plan_coverage(free, s.machine, here, self._dock[:2], clean=done)
+            plan = plan_coverage(free, s.machine, here, self._dock[:2], clean=done, old=old)
         except FloorError:
             return None
         if not any(segment.kind == "sweep" for segment in plan.segments):

@@ -7,6 +7,7 @@ Source: docs/coverage.md, "In the app".
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from core.paths.cleaning.cleaning import Cleaning, CleaningSettings, Task
 from core.paths.cleaning.planned import Place, Planned
 from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of, walls
 from core.paths.records import Machine
-from core.records import F64, FloorView, PathSegment
+from core.records import F64, FloorView, PassingThing, PathSegment
 
 MOST_WAITING = 4096  # views or places; the oldest go first
 NEAR_M = 2.5  # things that a frame may lay on floor which was seen
@@ -35,6 +36,7 @@ class Request(NamedTuple):
     place: Place
     wants: str  # "": nothing but what the views change; "new": a plan; "other": the way is barred
     barred: tuple[float, float, float] | None  # x, y and edge of a cell that bars the way, metres
+    rest: F64  # (n, 2) what is ahead of the path that is driven
 
 
 class LiveCleaning:
@@ -47,7 +49,7 @@ class LiveCleaning:
         self._views: deque[FloorView] = deque(maxlen=MOST_WAITING)
         self._ways: deque[tuple[Place, Place, bool]] = deque(maxlen=MOST_WAITING)
         self._standing: list[Thing] = []  # of the map of objects, walls too
-        self._passing: list[Thing] = []  # of the newest view
+        self._passing: tuple[PassingThing, ...] = ()  # of the newest view
         self._barred: deque[tuple[float, Polygon]] = deque()  # until when
         self._task, self._looked_s = Task("wait"), -math.inf
 
@@ -86,18 +88,20 @@ class LiveCleaning:
         if view.standing is not None:
             self._standing = [thing_of(one.outline_m, one.seen) for one in view.standing]
             self._standing += walls(view.walls_m)
-        self._passing = [new_thing(one) for one in view.passing]
-        here = shapely.Point(place[:2])
-        near = [one for one in outlines(self._things(here)) if one.dwithin(here, NEAR_M)]
-        self._cleaning.see(view.view_m, near)
+        self._passing, here = view.passing, shapely.Point(place[:2])
+        around, passing = list[PassingThing](), list[PassingThing]()
+        for one in view.passing:
+            (around if Polygon(one.outline_m).contains(here) else passing).append(one)
+        known = _rims(self._standing + self._barring() + _new(around), here)
+        near = [one for one in outlines(known) if one.dwithin(here, NEAR_M)]
+        self._cleaning.see(view.view_m, near, passing)
+
+    def _barring(self) -> list[Thing]:
+        return [new_thing(cell) for _, cell in self._barred]
 
     def _things(self, here: shapely.Point) -> list[Thing]:
-        """All that stands or passes; of what surrounds the machine, a row of walls, its rim."""
-        found = self._standing + self._passing + [new_thing(cell) for _, cell in self._barred]
-        solid = [one for one in found if not one.outline.contains(here)]
-        around = [one for one in outlines(found) if one.contains(here)]
-        rings = [shapely.get_coordinates(one.exterior) for one in around]
-        return solid + [side for ring in rings for side in walls(np.hstack([ring[:-1], ring[1:]]))]
+        """All that stands or passes, and places that barred the way."""
+        return _rims(self._standing + _new(self._passing) + self._barring(), here)
 
     def _is_seen(self, asked: Request) -> bool:
         """Whether what it goes to look at has been seen on the way."""
@@ -110,7 +114,8 @@ class LiveCleaning:
 
     def _planned(self, asked: Request, may_look: bool) -> Planned:
         things = self._things(shapely.Point(asked.place[:2]))
-        task = self._task = self._cleaning.plan(asked.place, things, may_look)
+        old = np.vstack([[asked.place[:2]], asked.rest]) if self._task.goal == "sweep" else None
+        task = self._task = self._cleaning.plan(asked.place, things, may_look, old)
         self._looked_s = asked.t_s
         told = [PathSegment(one.kind == "sweep", one.points) for one in task.segments]
         seen_m2, clean_m2 = self._cleaning.floor.area_m2, self._cleaning.clean.area_m2
@@ -141,6 +146,18 @@ def cleaning_settings(s: CoverageSettings, start_clear_m: float) -> CleaningSett
         start_clear_m=start_clear_m, guard_m=s.guard_m, explained_m=s.explained_m,
         sliver_m=s.sliver_m, enough=s.enough, rounds=s.rounds, tries=s.tries,
     )  # fmt: skip
+
+
+def _new(passing: Iterable[PassingThing]) -> list[Thing]:
+    return [new_thing(one.outline_m) for one in passing]
+
+
+def _rims(things: list[Thing], here: shapely.Point) -> list[Thing]:
+    """The same; of what surrounds the machine, a row of walls, its rim."""
+    solid = [one for one in things if not one.outline.contains(here)]
+    around = [one for one in outlines(things) if one.contains(here)]
+    rings = [shapely.get_coordinates(one.exterior) for one in around]
+    return solid + [side for ring in rings for side in walls(np.hstack([ring[:-1], ring[1:]]))]
 
 
 def _from_here(told: list[PathSegment], place: Place, task: Task) -> tuple[PathSegment, ...]:

@@ -47,6 +47,11 @@ class Progress:
         """Whether the tool works where the machine is now."""
         return not self.is_done and self.is_on_path and self._sweeps[self.ahead]
 
+    @property
+    def rest(self) -> F64:
+        """(n, 2) what is ahead of the path."""
+        return self._points[self.ahead :]
+
     def left_m(self, place: Place) -> float:
         """To the point that it drives to, and what it has to turn towards it, as metres."""
         if self.is_done:

@@ -8,6 +8,7 @@ nothing is known. Map frame, metres.
 
 import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +51,19 @@ def _fill(points: F64, cell_m: float, crossings: F64, nodes: U8) -> None:
                 nodes[i, j] = 1
 
 
+class Doubt(NamedTuple):
+    """What one frame took away."""
+
+    window: tuple[slice, slice]
+    views: U8  # of each cell there
+    explained: Mask  # those that were
+    when: int  # `explain` had been called so often
+
+    @property
+    def is_any(self) -> bool:
+        return bool(self.views.any() or self.explained.any())
+
+
 class SeenFloor:
     """A square of cells around a place.
 
@@ -65,6 +79,7 @@ class SeenFloor:
         self.low = np.floor((np.array(middle) - size_m / 2) / cell_m) * cell_m
         self.count: U8 = np.zeros((cells, cells), np.uint8)
         self._explained: Mask = np.zeros((cells, cells), np.bool_)
+        self._explains = 0
         self._nodes: U8 = np.zeros((cells + 1, cells + 1), np.uint8)
         self._used = np.array([cells, cells, 0, 0])  # lowest cell that was written, and highest
 
@@ -83,17 +98,28 @@ class SeenFloor:
         self._use(window)
         self.count[window][whole == 1] = self._least
 
-    def doubt(self, outline: F64) -> None:
+    def doubt(self, outline: F64) -> Doubt:
         """Something stands there, in this frame: all cells of which a corner lies in it."""
         window, nodes = self._within(outline)
         touched = nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]
         count = self.count[window]
-        count -= np.minimum(count, touched * np.uint8(DOUBT))
+        views = np.minimum(count, touched * np.uint8(DOUBT))
+        count -= views
+        explained = self._explained[window] & (touched == 1)
         self._explained[window] &= touched == 0
+        return Doubt(window, views, explained, self._explains)
+
+    def restore(self, doubt: Doubt) -> None:
+        """What stood there has moved: the floor below it is as it was."""
+        count = self.count[doubt.window]
+        np.minimum(count + doubt.views, MOST, out=count)
+        if doubt.when == self._explains:
+            self._explained[doubt.window] |= doubt.explained
 
     def explain(self, polygons: Iterable[Polygon]) -> None:
         """Floor that what stands beside it hides: free for `is_free`, until something is there."""
         self._explained[:] = False
+        self._explains += 1
         for polygon in polygons:
             window, nodes = self._within(_ring(polygon))
             touched = nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]
@@ -137,11 +163,19 @@ class SeenFloor:
         return int(np.count_nonzero(self.is_seen())) * self.cell_m**2
 
     def is_free(self, outline: F64) -> bool:
-        """Whether all cells in an outline (n, 2) are seen or explained, but for a speck."""
+        """Whether all cells in an outline (n, 2) are seen or explained, but for a speck.
+
+        Rows of single cells are none either: what counts as a thing is wider.
+        """
         window, nodes = self._within(outline)
         touched = nodes[:-1, :-1] & nodes[1:, 1:]
         is_free = (self.count[window] >= self._least) | self._explained[window]
-        return int(np.count_nonzero(touched & ~is_free)) <= SPECK_M2 / self.cell_m**2
+        bad = (touched == 1) & ~is_free
+        squares = bad[:-1, :-1] & bad[1:, :-1] & bad[:-1, 1:] & bad[1:, 1:]
+        wide = np.zeros_like(bad)
+        for part in (wide[:-1, :-1], wide[1:, :-1], wide[:-1, 1:], wide[1:, 1:]):
+            part |= squares
+        return int(np.count_nonzero(wide)) <= SPECK_M2 / self.cell_m**2
 
     def count_below(self, outline: F64) -> int:
         """How many cells within an outline (n, 2) are not seen; outside of the square none is."""

@@ -54,6 +54,7 @@ def plan_coverage(
     clean: BaseGeometry | None = None,
     angle_rad: float | None = None,
     is_refined: bool = True,
+    old: F64 | None = None,
 ) -> CoveragePlan:
     """A path over all of the floor that the machine can get to.
 
@@ -65,6 +66,8 @@ def plan_coverage(
         clean: area that need not be swept.
         angle_rad: of the lanes; None: along the walls, whichever way is less work.
         is_refined: False: lanes stay exactly as far apart as the machine asks.
+        old: what is left of a path (n, 2), for a floor that was a little otherwise. It is mended,
+            and goes on if nothing new is worth more.
 
     Raises:
         FloorError: no room for the machine; coordinates that are no numbers; start or dock off the
@@ -80,6 +83,8 @@ def plan_coverage(
     if angle_rad is None and is_refined:
         work = _Work(space, todo, rooms, machine, angle, "contours")
         paths = [work.path(begin, dock, row) for row in PRICES[: 2 if is_small else 1]]
+        if old is not None and len(old) > 1:
+            paths.append(work.path(begin, dock, PRICES[0], old))
     else:
         angles = [angle, angle + QUARTER] if angle_rad is None else [angle]
         works = [_Work(space, todo, rooms, machine, each, "lanes") for each in angles]
@@ -186,10 +191,18 @@ class _Work:
         far = [min((p.distance(here) for p in r), default=math.inf) for r in self._regions]
         return int(np.argmin(far))
 
-    def path(self, begin: Point | None, dock: Point | None, prices: Sequence[float]) -> _Path:
-        """What it is worth in m2; (n, 2) corners; whether each edge sweeps; the lanes' angle."""
+    def path(
+        self, begin: Point | None, dock: Point | None, prices: Sequence[float],
+        old: F64 | None = None,
+    ) -> _Path:  # fmt: skip
+        """What it is worth in m2; (n, 2) corners; whether each edge sweeps; the lanes' angle.
+
+        Along an older path (n, 2), if there is one.
+        """
         start, end = (None if p is None else self._inside(p) for p in (begin, dock))
         graph, lines = self._tour(start, end)
+        if old is not None:
+            lines = [[nearest_in(self._space, rotated(old, -self._angle_rad))]]
         self._raster.clear()
         refiners: list[Refiner] = []
         here = start

@@ -23,7 +23,7 @@ from core.paths.cleaning.things import WALL_M, Thing, new_thing, outlines, thing
 from core.paths.geometry.rings import joined
 from core.paths.geometry.space import polygons_in
 from core.paths.records import Machine
-from core.records import F64, DepthCamera, DepthImage
+from core.records import F64, DepthCamera, DepthImage, PassingThing
 from fakes.ax3500.device import FakeAx3500
 from fakes.scenes.halls import Hall
 from fakes.visionary.faults import Faults
@@ -41,7 +41,7 @@ FLYING_DEG = 12.0  # of a lens with so few pixels: at 3 degrees what flies less 
 LEAST_CONFIDENCE = 6554  # as the settings of the app have it
 FRAME_TICKS = 5  # 4 frames a second
 LIMITS = Limits(speed_mps=0.8, accel_mps2=0.6, turn_radps=1.2, turn_accel_radps2=2.5)
-MACHINE = Machine(radius_m=0.35, clearance_m=0.035, width_m=0.6, overlap_m=0.02)
+MACHINE = Machine(radius_m=0.35, clearance_m=0.035, width_m=0.6, overlap_m=0.01)
 REACH_CLEAR_M = 0.08  # from all that stands there: with less room for the machine it is no floor
 SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.025, size_m=90.0, seen_frames=3, start_clear_m=1.4, guard_m=0.03,
@@ -53,7 +53,7 @@ KEPT_M = (
     MACHINE.margin_m
 )  # so far from the path nothing may stand: guard_m is for outlines that change
 SLACK_M = 0.005
-HIDDEN_M = 0.03  # so far before it things are taken for the wall: a voxel, and noise
+HIDDEN_M = 0.02  # so far before it things are taken for the wall: a voxel, and noise
 LAG_S, LAG_M = 0.2, 0.03  # of the way on which it comes to stand, where it heads
 ENTERED_M = (0.1, 0.3, 0.5)  # of the path: what its front is about to enter there
 VOUCHED_S, BLIND_S = 5.0, 12.0  # without a view over that it creeps; without any it stands
@@ -210,14 +210,16 @@ class HallRun:
         place = self._by_walls(pose)
         update = self.map.update(told.objects)
         self.obstacles, self._version = update.obstacles, update.version
-        self._passing = [new_thing(one.polygon) for one in update.obstacles]
+        passing = [
+            PassingThing(one.id, one.polygon, one.is_moving, one.last_seen_s == self.now_s)
+            for one in update.obstacles
+        ]
+        self._passing = [new_thing(one.outline_m) for one in passing]
         self._count_people()
         frame = update.correction.frame(told.objects)
         self._turns = 0
         self._views.add(self.now_s, frame.origin, frame.view)
-        walks = [one.is_moving for one in update.obstacles]  # over floor that stays as it was
-        new = [one for one, moves in zip(self._passing, walks, strict=True) if not moves]
-        self.cleaning.see(frame.view, [*outlines(new), *self._near(place, self._mapped())])
+        self.cleaning.see(frame.view, self._near(place, self._mapped()), passing)
 
     def things(self) -> list[Thing]:
         """All that is known to be somewhere, walls too."""
@@ -320,7 +322,8 @@ class HallRun:
     def _plan(self, place: Place, may_look: bool = True) -> None:
         self._arrived_s, self._halts = math.inf, False
         self.tally.plans += 1
-        self.task = self.cleaning.plan(place, self.things(), may_look)
+        old = self._follower.rest(place) if self.task.goal == "sweep" else None
+        self.task = self.cleaning.plan(place, self.things(), may_look, old)
         if self.task.goal in ("wait", "done", "stuck"):
             self._barred_s = self.now_s
             self._follower.follow(np.array([place[:2]]))

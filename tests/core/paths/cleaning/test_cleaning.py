@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
-from core.paths.cleaning.cleaning import Cleaning, CleaningSettings, Place, Task
+from core.paths.cleaning.cleaning import BARRED_M, Cleaning, CleaningSettings, Place, Task
 from core.paths.cleaning.things import Thing, new_thing, thing_of
 from core.paths.coverage.measures import swept_by
 from core.paths.records import Machine
+from core.records import PassingThing
 
 MACHINE = Machine(radius_m=0.35, clearance_m=0.03, width_m=0.6, overlap_m=0.03)
 SETTINGS = CleaningSettings(
@@ -125,6 +126,50 @@ def test_a_gap_behind_a_thing_that_was_seen_from_one_side_may_be_more_of_it() ->
         assert free.covers(before)
         assert free.covers(behind) == is_free
     assert not machine.cleaning.free([new_thing(corners)]).covers(before)
+
+
+def test_floor_stays_as_it_was_below_what_was_new_and_then_seen_to_move() -> None:
+    machine = Jumper()
+    cleaning, floor = machine.cleaning, machine.cleaning.floor
+    for _ in range(8):
+        machine.jump((0.0, 0.0, 0.0), False)
+    before = floor.count.copy()
+    at = 2.0, 0.0
+    who = np.array([[-0.2, -0.2], [0.2, -0.2], [0.2, 0.2], [-0.2, 0.2]]) + at
+    for told, is_as_before in (
+        (PassingThing(7, who, is_moving=False, is_seen=True), False),
+        (PassingThing(7, who, is_moving=False, is_seen=False), False),
+        (PassingThing(7, who + 0.3, is_moving=True, is_seen=True), True),
+        (PassingThing(8, who, is_moving=False, is_seen=False), True),  # told from memory alone
+        (PassingThing(9, who, is_moving=False, is_seen=True), False),
+        (PassingThing(10, who, is_moving=True, is_seen=True), False),  # another one
+    ):
+        cleaning.see(np.zeros((0, 2)), [], [told])
+        assert np.array_equal(floor.count, before) == is_as_before
+
+
+@pytest.mark.parametrize(
+    ("edge_m", "thing_m", "may_look", "is_swept"),
+    [
+        (0.3, 3.0, True, True),
+        (0.3, 0.05, True, False),  # beside a thing it may be more of it
+        (0.3, 3.0, False, False),  # it was barred there
+        (0.9, 3.0, True, False),  # the machine would stand in it whole
+    ],
+)
+def test_a_small_hole_in_seen_floor_is_planned_over_and_no_other(
+    edge_m: float, thing_m: float, may_look: bool, is_swept: bool
+) -> None:
+    machine = Jumper()
+    x, y = 1.4, -0.02
+    hole = shapely.box(x, y, x + edge_m, y + edge_m)
+    seen = shapely.box(-0.6, -1.4, 4.0, 1.4)
+    slit = shapely.box(x + edge_m, 0.0, 5.0, 0.001)  # a ring of floor, as one outline
+    machine.cleaning.floor.add(shapely.get_coordinates((seen - hole - slit).exterior)[:-1])
+    thing = Thing(shapely.box(x, y + edge_m + thing_m, x + 0.1, y + edge_m + thing_m + 0.1))
+    barred = shapely.Polygon() if may_look else shapely.Point(0.0, 0.0).buffer(BARRED_M)
+    free = machine.cleaning.free([thing], barred)
+    assert free.covers(hole.buffer(-0.01)) == is_swept
 
 
 def test_the_tool_has_work_where_floor_is_not_clean_and_no_more_behind_it() -> None:

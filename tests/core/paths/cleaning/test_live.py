@@ -38,7 +38,7 @@ def live_in_room(standing: tuple[shapely.Polygon, ...] = ()) -> LiveCleaning:
 def asked(
     wants: str, t_s: float = 1.0, barred: tuple[float, float, float] | None = None
 ) -> Request:
-    return Request(t_s, 0, (0.0, 0.0, 0.0), wants, barred)
+    return Request(t_s, 0, (0.0, 0.0, 0.0), wants, barred, np.zeros((0, 2)))
 
 
 def line_of(planned: Planned) -> shapely.LineString:

@@ -45,6 +45,27 @@ def test_where_something_stands_is_not_free_until_it_is_seen_again() -> None:
     assert floor.is_free(view)
 
 
+def test_what_has_moved_leaves_the_floor_as_it_was() -> None:
+    floor = SeenFloor((0.0, 0.0), 6.0, CELL_M, LEAST)
+    for _ in range(12):
+        floor.add(star((random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0))))
+    strip = shapely.get_coordinates(shapely.box(-2.5, -2.5, -2.3, 2.5))[:-1]
+    floor.explain([shapely.Polygon(strip)])
+    before = floor.count.copy()
+    person = 0.3 * star((-6.5, 0.0))
+    doubts = [floor.doubt(person + np.array([0.05 * k, 0.0])) for k in range(6)]
+    assert floor.count.sum() < before.sum()
+    assert not floor.is_free(strip)
+    for doubt in doubts:
+        floor.restore(doubt)
+    np.testing.assert_array_equal(floor.count, before)
+    assert floor.is_free(strip)
+    doubt = floor.doubt(person)
+    floor.explain([])
+    floor.restore(doubt)
+    assert not floor.is_free(strip)  # nothing explains it any more
+
+
 def test_what_is_explained_is_free_until_something_stands_there() -> None:
     floor = SeenFloor((0.0, 0.0), 6.0, CELL_M, LEAST)
     strip = shapely.box(1.0, -1.0, 1.2, 1.0)
@@ -68,6 +89,15 @@ def test_a_speck_that_was_not_seen_bars_no_way_and_what_counts_as_a_thing_does()
     for edge_m, is_free in ((0.02, True), (0.1, False)):
         floor.doubt(edge_m / 2 * view)
         assert floor.is_free(inner) == is_free
+
+
+def test_an_unseen_row_of_single_cells_is_no_thing_and_a_wider_one_may_be() -> None:
+    way = np.array([[-0.5, -0.4], [0.5, -0.4], [0.5, 0.4], [-0.5, 0.4]])
+    for rows, is_free in ((1, True), (2, False)):
+        floor = SeenFloor((0.0, 0.0), 6.0, 0.025, 1)
+        for x0, x1 in ((-1.0, 0.001), (0.025 * rows - 0.001, 1.0)):
+            floor.add(np.array([[x0, -1.0], [x1, -1.0], [x1, 1.0], [x0, 1.0]]))
+        assert floor.is_free(way) == is_free
 
 
 def test_outside_and_without_sense_nothing_is_free() -> None:

@@ -12,7 +12,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from core.paths.coverage.measures import Motion, measures, swept_by
-from core.paths.coverage.plan import plan_coverage
+from core.paths.coverage.plan import WORTH, plan_coverage
 from core.paths.geometry.rings import joined
 from core.paths.geometry.space import FloorError, repaired
 from core.paths.records import CoveragePlan, Machine
@@ -150,6 +150,45 @@ def test_what_is_clean_is_not_swept_again_and_a_hole_that_appears_is_gone_round(
     done = plan_coverage(floor, VACUUM, start=(0.3, 0.3), clean=HALL)
     assert sum(len(s.points) for s in done.segments if s.kind == "sweep") == 0
     assert done.uncovered.is_empty
+
+
+@settings(max_examples=examples(4), deadline=None)
+@given(seed=st.integers(0, 10**6), done=st.floats(0.05, 0.9), x=st.floats(0.1, 0.9))
+def test_an_old_path_is_mended_or_something_better_is_driven(
+    seed: int, done: float, x: float
+) -> None:
+    """Behind its first part something comes to stand on the rest of it."""
+    floor = KINDS["rooms"](seed)
+    plan = plan_coverage(floor, VACUUM)
+    path = path_of(plan)
+    k = max(1, int(done * (len(path) - 1)))
+    new = shapely.Point(path[k:].mean(axis=0)).buffer(0.1 + 0.1 * x)
+    free, here = floor.difference(new), (float(path[k, 0]), float(path[k, 1]))
+    if free.boundary.distance(shapely.Point(here)) < VACUUM.margin_m:
+        return
+    clean = swept_by([path[: k + 1]], VACUUM.width_m / 2)
+    worth_m2 = []
+    for old in (None, path[k:]):
+        rest = plan_coverage(free, VACUUM, here, clean=clean, old=old)
+        outside = swept_by([path_of(rest)], VACUUM.radius_m).difference(free.buffer(1e-7))
+        assert outside.area < 1e-9
+        band = swept_by([s.points for s in rest.segments], VACUUM.width_m / 2).difference(clean)
+        length_m = sum(shapely.LineString(s.points).length for s in rest.segments)
+        worth_m2.append(band.area - WORTH * VACUUM.width_m * length_m)
+    assert worth_m2[1] > worth_m2[0] - 0.02
+
+
+def test_where_nothing_has_changed_the_old_path_goes_on() -> None:
+    floor = KINDS["rooms"](3)
+    path = path_of(plan_coverage(floor, VACUUM))
+    k = len(path) // 3
+    clean = swept_by([path[: k + 1]], VACUUM.width_m / 2)
+    here = float(path[k, 0]), float(path[k, 1])
+    rest = path_of(plan_coverage(floor, VACUUM, here, clean=clean, old=path[k:]))
+    left_m = shapely.LineString(path[k:]).length
+    assert shapely.LineString(rest).length < 1.01 * left_m
+    near = shapely.LineString(path[k:]).buffer(0.05)
+    assert shapely.LineString(rest).intersection(near).length > 0.8 * left_m
 
 
 def test_a_chair_leg_splits_lanes_and_not_the_hall() -> None:

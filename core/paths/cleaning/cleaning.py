@@ -116,12 +116,13 @@ class Cleaning:
                 for doubt in before:
                     self.floor.restore(doubt)
                 continue
-            if not new.is_seen:
-                doubts[new.id] = before
-                continue
-            wide = Polygon(new.outline_m).buffer(self.settings.cell_m)
-            doubt = self.floor.doubt(_outline(wide))
-            doubts[new.id] = [*before, doubt] if doubt.is_any else before
+            doubts[new.id] = before
+            if new.is_seen:
+                wide = Polygon(new.outline_m).buffer(self.settings.cell_m)
+                stays = len(before) >= self.settings.seen_frames - 1
+                doubt = self.floor.doubt(_outline(wide), stays)
+                if doubt.is_any or not stays:
+                    before.append(doubt)
         self._doubts = doubts
 
     def drive(self, begin: Place, end: Place, sweeps: bool) -> None:
@@ -147,7 +148,8 @@ class Cleaning:
         """
         known, guard_m = outlines(things), self.settings.guard_m
         bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in known])
-        seen = self._without_holes(self.floor.free(), [*known, barred])
+        stood = self.floor.stood()
+        seen = self._without_holes(self.floor.free(), [*known, stood, barred])
         return shapely.union_all([seen, *self._beside(seen, things)]).difference(bars)
 
     def _without_holes(self, seen: MultiPolygon, known: Sequence[BaseGeometry]) -> BaseGeometry:
@@ -172,7 +174,8 @@ class Cleaning:
         known = shapely.union_all(outlines(things))
         both = shapely.buffer(seen.union(known), GAP_M / 2, quad_segs=2)
         closed = shapely.buffer(both, -GAP_M / 2, quad_segs=2)
-        return polygons_in(closed.intersection(before(things)).difference(seen))
+        gaps = closed.intersection(before(things)).difference(seen)
+        return polygons_in(gaps.difference(self.floor.stood()))
 
     def plan(
         self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None = None

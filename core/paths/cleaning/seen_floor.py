@@ -57,11 +57,12 @@ class Doubt(NamedTuple):
     window: tuple[slice, slice]
     views: U8  # of each cell there
     explained: Mask  # those that were
+    stood: Mask  # those on which nothing had stood before
     when: int  # `explain` had been called so often
 
     @property
     def is_any(self) -> bool:
-        return bool(self.views.any() or self.explained.any())
+        return bool(self.views.any() or self.explained.any() or self.stood.any())
 
 
 class SeenFloor:
@@ -80,6 +81,7 @@ class SeenFloor:
         self.count: U8 = np.zeros((cells, cells), np.uint8)
         self._explained: Mask = np.zeros((cells, cells), np.bool_)
         self._explains = 0
+        self._stood: Mask = np.zeros((cells, cells), np.bool_)  # something, when last seen
         self._nodes: U8 = np.zeros((cells + 1, cells + 1), np.uint8)
         self._used = np.array([cells, cells, 0, 0])  # lowest cell that was written, and highest
 
@@ -90,6 +92,7 @@ class SeenFloor:
         self._use(window)
         count = self.count[window]
         count += whole & (count < MOST)
+        self._stood[window] &= whole == 0
 
     def vouch(self, outline: F64) -> None:
         """Floor known to be free otherwise: where the machine stands, where somebody looked."""
@@ -97,9 +100,14 @@ class SeenFloor:
         whole = nodes[:-1, :-1] & nodes[1:, :-1] & nodes[:-1, 1:] & nodes[1:, 1:]
         self._use(window)
         self.count[window][whole == 1] = self._least
+        self._stood[window] &= whole == 0
 
-    def doubt(self, outline: F64) -> Doubt:
-        """Something stands there, in this frame: all cells of which a corner lies in it."""
+    def doubt(self, outline: F64, stays: bool = False) -> Doubt:
+        """Something stands there, in this frame: all cells of which a corner lies in it.
+
+        Args:
+            stays: so it is until they are seen anew; nothing else explains them.
+        """
         window, nodes = self._within(outline)
         touched = nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]
         count = self.count[window]
@@ -107,7 +115,9 @@ class SeenFloor:
         count -= views
         explained = self._explained[window] & (touched == 1)
         self._explained[window] &= touched == 0
-        return Doubt(window, views, explained, self._explains)
+        stood = (touched == 1) & ~self._stood[window] & stays
+        self._stood[window] |= stood
+        return Doubt(window, views, explained, stood, self._explains)
 
     def restore(self, doubt: Doubt) -> None:
         """What stood there has moved: the floor below it is as it was."""
@@ -115,6 +125,7 @@ class SeenFloor:
         np.minimum(count + doubt.views, MOST, out=count)
         if doubt.when == self._explains:
             self._explained[doubt.window] |= doubt.explained
+        self._stood[doubt.window] &= ~doubt.stood
 
     def explain(self, polygons: Iterable[Polygon]) -> None:
         """Floor that what stands beside it hides: free for `is_free`, until something is there."""
@@ -123,7 +134,7 @@ class SeenFloor:
         for polygon in polygons:
             window, nodes = self._within(_ring(polygon))
             touched = nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]
-            self._explained[window] |= touched == 1
+            self._explained[window] |= (touched == 1) & ~self._stood[window]
 
     def _use(self, window: tuple[slice, slice]) -> None:
         for axis, part in enumerate(window):
@@ -198,8 +209,15 @@ class SeenFloor:
 
     def area(self) -> BaseGeometry:
         """Seen cells as polygons; where only corners touch, they are parted."""
+        return self._area(self.count[self.window] >= self._least)
+
+    def stood(self) -> BaseGeometry:
+        """Where something stood when the place was last seen, though nothing is known there."""
+        return self._area(self._stood[self.window])
+
+    def _area(self, mask: Mask) -> BaseGeometry:
+        """Cells of `window` as polygons."""
         rows, across = self.window
-        mask = self.count[rows, across] >= self._least
         padded = np.zeros((len(mask), mask.shape[1] + 2), dtype=np.int8)
         padded[:, 1:-1] = mask
         edges = np.diff(padded, axis=1)

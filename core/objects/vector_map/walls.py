@@ -91,12 +91,11 @@ class Wall:
 
     def seen_through(self, hits: list[Floats], sectors: Floats, lens: Floats) -> None:
         """One frame's say against pieces that none of its segments covers."""
-        cell = self._s.wall_cell_m
         middle = self._middles()
         covered = np.zeros(len(middle), dtype=bool)
         for segment in hits:
             along, _ = self.measured(segment.reshape(2, 2))
-            covered |= (middle > along.min() - cell) & (middle < along.max() + cell)
+            covered |= (middle > along.min()) & (middle < along.max())
         points = self.point + middle[:, None] * self.along - lens
         away = points / np.maximum(np.hypot(*points.T), 1e-9)[:, None]
         behind = points + self._s.guard_m * away

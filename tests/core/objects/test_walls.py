@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from core.objects.vector_map.object_map import ObjectMap
 from core.objects.vector_map.walls import Wall
 from core.records import F64
-from tools.experiments.object_world import SETTINGS
+from tools.experiments.object_world import SETTINGS, Noise, World
 
 SIGMA_M = 0.012  # of a segment's end
 
@@ -43,3 +44,16 @@ def test_a_wall_is_where_the_poses_had_it_in_the_mean_and_not_where_it_was_first
         told = on_map * [1.0, 0.0, 1.0, 0.0]  # in truth it is at 0
         wall.hit(on_map, told, 0.1 * k)
     assert np.abs(wall.record().segments[0][[1, 3]]).max() < 0.003
+
+
+@pytest.mark.parametrize("half_m", [1.47, 1.5, 1.52])
+def test_a_walls_ends_do_not_grow_with_the_noise_of_the_pose(half_m: float) -> None:
+    noise = Noise(pose_m=0.03, pose_rad=0.005, hull_m=0.005, missing=0.02)
+    world, objects = World([], noise=noise), ObjectMap(SETTINGS)
+    world.walls = np.array([[3.0, -half_m, 3.0, half_m]])
+    for _ in range(300):
+        objects.update(world.frame(0.0, 0.0, 0.0))
+    [wall] = objects.walls.records()
+    [segment] = wall.segments
+    assert np.abs(segment[[1, 3]]).max() < half_m + 0.5 * SETTINGS.wall_cell_m + 0.01
+    assert segment[3] - segment[1] > 2.0 * half_m - SETTINGS.wall_cell_m

@@ -33,12 +33,13 @@ from fakes.visionary.picture import Camera
 from fakes.world.path_follower import PERIOD_S, Limits, PathFollower
 from fakes.world.rolling import RollingWorld
 from tools.rig.cleaning.recent_views import RecentViews
-from tools.rig.cleaning.truth import Truth, gap_of
+from tools.rig.cleaning.truth import HIGH_M, Truth, gap_of
 from tools.rig.cleaning.wall_fix import SIGMAS, TIME_S, WallFix
 
 MODEL: Model = "t"  # 176 x 144 pixels, 62 by 52 degrees
 FLYING_DEG = 12.0  # of a lens with so few pixels: at 3 degrees what flies less than 0.12 r stays
 LEAST_CONFIDENCE = 6554  # as the settings of the app have it
+TOP_M = HIGH_M + 0.05  # of what may meet the machine; heights err by some centimetres
 FRAME_TICKS = 5  # 4 frames a second
 LIMITS = Limits(speed_mps=0.8, accel_mps2=0.6, turn_radps=1.2, turn_accel_radps2=2.5)
 MACHINE = Machine(radius_m=0.35, clearance_m=0.035, width_m=0.6, overlap_m=0.01)
@@ -143,7 +144,7 @@ class HallRun:
     def __init__(self, hall: Hall, config: Config, seed: int) -> None:
         assert config.objects is not None
         assert config.object_map is not None
-        objects = msgspec.structs.replace(config.objects, flying_deg=FLYING_DEG)
+        objects = msgspec.structs.replace(config.objects, flying_deg=FLYING_DEG, top_m=TOP_M)
         self.hall, self.tally, self.now_s = hall, Tally(), 0.0
         self.world = RollingWorld(hall.scene, seed)
         self.map = ObjectMap(config.object_map)

@@ -42,6 +42,7 @@ ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
 GRAZING_M = 0.1  # from things to the line along which it looks past them
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
+MUCH = 0.1  # of the floor: while more is left, what costs a long way is left for later
 DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
@@ -271,7 +272,10 @@ class Cleaning:
             return None
         done = target.difference(wide)
         try:
-            plan = plan_coverage(free, s.machine, here, self._dock[:2], clean=done, old=old)
+            is_last = wide.area < MUCH * target.area
+            plan = plan_coverage(
+                free, s.machine, here, self._dock[:2], clean=done, old=old, is_last=is_last
+            )
         except FloorError:
             return None
         if not any(segment.kind == "sweep" for segment in plan.segments):

@@ -26,7 +26,7 @@ from core.paths.cleaning.frontiers import (
 )
 from core.paths.cleaning.seen_floor import SPECK_M2, Doubt, SeenFloor, SweptFloor
 from core.paths.cleaning.things import GAP_M, Thing, before, outlines
-from core.paths.coverage.plan import plan_coverage, space_at
+from core.paths.coverage.plan import FIRST, LAST, plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
 from core.paths.records import Machine, Segment
@@ -272,9 +272,9 @@ class Cleaning:
             return None
         done = target.difference(wide)
         try:
-            is_last = wide.area < MUCH * target.area
+            prices = LAST if wide.area < MUCH * target.area else FIRST
             plan = plan_coverage(
-                free, s.machine, here, self._dock[:2], clean=done, old=old, is_last=is_last
+                free, s.machine, here, self._dock[:2], clean=done, old=old, prices=prices
             )
         except FloorError:
             return None

@@ -34,7 +34,8 @@ PRICES = (  # what a change must win, of what a lane in the open does; rows are 
     (0.4, 0.2, 0.1, 0.07),
     (0.3, 0.12, 0.05),
 )
-CHEAP = (0.5, 0.3, 0.2, 0.15)  # where later plans win the rest, with the tool up on the way to it
+FIRST = ((0.5, 0.3, 0.2, 0.15),)  # where later plans win the rest,
+LAST = ((0.1, 0.05, 0.03),)  # with the tool up on the way to it
 WORTH = 0.08  # at that price plans are compared
 ENOUGH = 0.996  # of the raster; more is bought at no lower price
 SMALL = 150  # squares of the width: up to that all rows are tried
@@ -56,7 +57,7 @@ def plan_coverage(
     angle_rad: float | None = None,
     is_refined: bool = True,
     old: F64 | None = None,
-    is_last: bool = True,
+    prices: Sequence[Sequence[float]] = PRICES,
 ) -> CoveragePlan:
     """A path over all of the floor that the machine can get to.
 
@@ -70,7 +71,7 @@ def plan_coverage(
         is_refined: False: lanes stay exactly as far apart as the machine asks.
         old: what is left of a path (n, 2), for a floor that was a little otherwise. It is mended,
             and goes on if nothing new is worth more.
-        is_last: False: another plan will sweep what costs a long way.
+        prices: rows of them, as `PRICES`; all but the first are tried on small floors.
 
     Raises:
         FloorError: no room for the machine; coordinates that are no numbers; start or dock off the
@@ -85,15 +86,14 @@ def plan_coverage(
     is_small = todo.area < SMALL * machine.width_m**2
     if angle_rad is None and is_refined:
         work = _Work(space, todo, rooms, machine, angle, "contours")
-        rows = PRICES[: 2 if is_small else 1] if is_last else (CHEAP,)
-        paths = [work.path(begin, dock, row) for row in rows]
+        paths = [work.path(begin, dock, row) for row in prices[: None if is_small else 1]]
         if old is not None and len(old) > 1:
-            paths.append(work.path(begin, dock, rows[0], old))
+            paths.append(work.path(begin, dock, prices[0], old))
     else:
         angles = [angle, angle + QUARTER] if angle_rad is None else [angle]
         works = [_Work(space, todo, rooms, machine, each, "lanes") for each in angles]
         least = min(works, key=lambda work: work.work_m)
-        paths = [least.path(begin, dock, PRICES[0] if is_refined else ())]
+        paths = [least.path(begin, dock, prices[0] if is_refined else ())]
     best = max(paths, key=lambda path: path[0])
     return _plan(free, space, target, todo, *best[1:], machine)
 

@@ -1,6 +1,7 @@
 """A cleaning beside the loop: what waits is taken in when asked, and what comes out of it."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -22,16 +23,18 @@ def outline(polygon: shapely.Polygon) -> F64:
     return ring
 
 
-def live_in_room(standing: tuple[shapely.Polygon, ...] = ()) -> LiveCleaning:
+def live_in_room(
+    standing: tuple[shapely.Polygon, ...] = (), room: shapely.Polygon = ROOM
+) -> LiveCleaning:
     """It has seen all of a room with four walls."""
     assert CONFIG.coverage is not None
     live = LiveCleaning(CONFIG.coverage, 1.2)
-    ring = shapely.get_coordinates(ROOM.exterior)
+    ring = shapely.get_coordinates(room.exterior)
     walls = np.hstack([ring[:-1], ring[1:]])
     corners = [outline(shapely.orient_polygons(one)) for one in standing]
     told = tuple(StandingThing(one, np.ones(len(one), dtype=bool)) for one in corners)
     for k in range(CONFIG.coverage.seen_frames):
-        live.see(FloorView(outline(ROOM), (), told if k == 0 else None, walls))
+        live.see(FloorView(outline(room), (), told if k == 0 else None, walls))
     return live
 
 
@@ -70,6 +73,24 @@ def test_a_place_that_barred_the_way_counts_as_a_thing_for_a_while() -> None:
     at = shapely.Point(cell[:2])
     assert line_of(other).distance(at) > 0.35
     assert line_of(later).distance(at) < 0.35
+
+
+def test_what_is_left_of_a_path_goes_on_when_another_is_asked_for() -> None:
+    kept = []
+    for is_told in (False, True):
+        live = live_in_room(room=shapely.box(-0.8, -2.2, 4.6, 2.2))
+        planned = live.step(asked("new"))
+        assert planned is not None
+        path, progress = shapely.get_coordinates(line_of(planned)), Progress(planned.segments)
+        for a, b in pairwise(path[: len(path) // 2]):
+            live.drive((*a, 0.0), (*b, 0.0), True)
+            progress.step(*b)
+        here, left = (*path[len(path) // 2 - 1], 0.0), shapely.LineString(progress.rest)
+        rest = progress.rest if is_told else progress.rest[:0]
+        other = live.step(Request(2.0, 0, here, "other", None, rest))
+        assert other is not None
+        kept.append(line_of(other).intersection(left.buffer(0.05)).length / left.length)
+    assert kept[1] > max(0.5, kept[0] + 0.1)
 
 
 def test_of_a_ring_of_things_around_the_machine_the_rim_alone_bars_the_way() -> None:

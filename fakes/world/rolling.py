@@ -2,10 +2,12 @@
 
 Each wheel follows its motor's power after a while; the body goes where the wheels roll. It is many
 times quicker than a `World`, and knows neither slip nor nodding. People see the machine and give
-way. Map frame, metres; it is the same to the bit however it is stepped.
+way; who carries a thing waits with it until the machine is away. Map frame, metres; it is the same
+to the bit however it is stepped.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +20,7 @@ from fakes.world.robot import COUNTS_PER_TURN, MAX_SPEED_MPS, TRACK_WIDTH_M, WHE
 
 F64 = npt.NDArray[np.float64]
 STEP_S = 0.02
+AWAY_M = 2.0  # from where a thing is put down
 MOTOR_S = 0.15  # time constant of a motor
 
 
@@ -31,7 +34,7 @@ class RollingWorld:
     def __init__(self, scene: Scene, seed: int) -> None:
         self.scene = scene
         self.crowd = Crowd(scene.walkers, seed) if scene.walkers else None
-        self._rays = Rays(scene, seed, crowd=self.crowd)
+        self._seed, self._rays = seed, Rays(scene, seed, crowd=self.crowd)
         self._place, self._turned = np.zeros(3), np.zeros(2)  # x, y, yaw; radians of both wheels
         self._speeds, self._power = np.zeros(2), np.zeros(2)
         self._begin_s: float | None = None
@@ -65,6 +68,7 @@ class RollingWorld:
             self._look()
         while self._begin_s + (self._steps + 1) * STEP_S <= now_s + 1e-9:
             self._steps += 1
+            self._wait_with_things()
             self._step()
             self._look()
 
@@ -82,6 +86,17 @@ class RollingWorld:
         yaw = self._place[2] + turn / 2
         self._place += ahead * math.cos(yaw), ahead * math.sin(yaw), turn
         self._turned += np.array([left, right]) / WHEEL_RADIUS_M
+
+    def _wait_with_things(self) -> None:
+        """What comes in this step, and would come beside the machine, comes in the next one."""
+        now_s, movers = self.since_begin_s, list(self.scene.movers)
+        for k, mover in enumerate(movers):
+            is_due = now_s - STEP_S < mover.from_s <= now_s
+            if is_due and math.dist(mover.waypoints[0], self.place[:2]) < AWAY_M:
+                movers[k] = replace(mover, from_s=now_s + STEP_S / 2)
+        if tuple(movers) != self.scene.movers:
+            self.scene = replace(self.scene, movers=tuple(movers))
+            self._rays = Rays(self.scene, self._seed, crowd=self.crowd)
 
     def _look(self) -> None:
         if self.crowd is not None:

@@ -174,6 +174,7 @@ class HallRun:
         self.now_s = self._tick * PERIOD_S
         before = self.world.place
         self.world.step_to(self.now_s)
+        self.truth.moved = self.world.scene.movers
         self._drift.step()
         told = self._drift.told(self.world.place)
         self._fix.step(PERIOD_S)

@@ -44,11 +44,11 @@ class Truth:
         self.hall = hall
         fixed = [s for s in (*hall.walls, hall.dock, *_low(hall.things)) if s.bottom_m < HIGH_M]
         self._fixed = np.array([_box(shape) for shape in fixed])
-        self._moved = [(_mover_box(one), one.from_s, one.until_s) for one in hall.moved]
+        self.moved = hall.moved  # who carries it may wait
 
     def boxes_at(self, t_s: float) -> F64:
         """(n, 5) x0, x1, y0, y1 of all that stands at an instant, and its radius if it is round."""
-        there = [box for box, from_s, until_s in self._moved if from_s <= t_s < until_s]
+        there = [_mover_box(one) for one in self.moved if one.from_s <= t_s < one.until_s]
         return np.vstack([self._fixed, *there]) if there else self._fixed
 
     def bars_at(self, t_s: float) -> BaseGeometry:
@@ -77,7 +77,7 @@ class Truth:
         rows = [
             [_box(s) for s in thing.shapes if s.bottom_m < HIGH_M] for thing in self.hall.things
         ]
-        rows += [[box] for box, _, until_s in self._moved if until_s == math.inf]
+        rows += [[_mover_box(one)] for one in self.moved if one.until_s == math.inf]
         return [shapely.union_all([_polygon(r) for r in each]).convex_hull for each in rows]
 
 

@@ -50,9 +50,7 @@ SETTINGS = CleaningSettings(
 )  # fmt: skip
 POSE_M, POSE_RAD = 0.01, math.radians(0.2)  # 1 sigma of the told pose
 AHEAD_M = 0.9  # of the path that is looked at: the machine stands before what is on it
-KEPT_M = (
-    MACHINE.margin_m
-)  # so far from the path nothing may stand: guard_m is for outlines that change
+KEPT_M = MACHINE.margin_m  # from the path, by all that stands: guard_m is for what outlines change
 SLACK_M = 0.005
 HIDDEN_M = 0.02  # so far before it things are taken for the wall: a voxel, and noise
 LAG_S, LAG_M = 0.2, 0.03  # of the way on which it comes to stand, where it heads

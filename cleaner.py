@@ -159,7 +159,8 @@ class Cleaner:
         if wants or self.goal != "wait":
             self._asked_s = now_s
         barred = self._maybe_barred if wants == "other" else None
-        asked = Request(now_s, self._epoch, place, wants, barred, self._progress.rest)
+        rest = self._progress.rest[: None if self.goal == "sweep" else 0]
+        asked = Request(now_s, self._epoch, place, wants, barred, rest)
         self._work.give(lambda: live.step(asked))
 
     def warm(self) -> None:

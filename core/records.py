@@ -233,7 +233,7 @@ class StandingThing(Struct, frozen=True, eq=False):
 class PassingThing(Struct, frozen=True, eq=False):
     """What no map holds yet, or moves; map frame, metres."""
 
-    id: int  # never that of another one in one run
+    id: int  # never that of another one in one map
     outline_m: F64  # (n, 2)
     is_moving: bool  # it was seen to move; False: it is new, and may stay
     is_seen: bool  # in this frame

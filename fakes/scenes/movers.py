@@ -1,7 +1,8 @@
 """What moves or comes and goes in a scene: people on their way, boxes that are taken away.
 
 All by a timetable in seconds since the world's begin. They do not see the robot and nothing stops
-them; the robot drives through them. Map frame, metres.
+them; the robot drives through them. (Of a `RollingWorld`, what is put down waits for it.) Map
+frame, metres.
 """
 
 import math

@@ -21,6 +21,7 @@ from fakes.world.robot import COUNTS_PER_TURN, MAX_SPEED_MPS, TRACK_WIDTH_M, WHE
 F64 = npt.NDArray[np.float64]
 STEP_S = 0.02
 AWAY_M = 2.0  # from where a thing is put down
+JUST_LESS = 0.999  # than a step: within the next one, whatever is rounded
 MOTOR_S = 0.15  # time constant of a motor
 
 
@@ -93,7 +94,7 @@ class RollingWorld:
         for k, mover in enumerate(movers):
             is_due = now_s - STEP_S < mover.from_s <= now_s
             if is_due and math.dist(mover.waypoints[0], self.place[:2]) < AWAY_M:
-                movers[k] = replace(mover, from_s=now_s + STEP_S / 2)
+                movers[k] = replace(mover, from_s=now_s + JUST_LESS * STEP_S)
         if tuple(movers) != self.scene.movers:
             self.scene = replace(self.scene, movers=tuple(movers))
             self._rays = Rays(self.scene, self._seed, crowd=self.crowd)

@@ -104,4 +104,5 @@ def test_walls_keep_the_place_where_wheels_slip(monkeypatch: pytest.MonkeyPatch)
 
     with_walls_m = off_m()
     monkeypatch.setattr(Odometry, "correct_by", lambda odometry, fix, at_s: True)
+    assert with_walls_m < 0.05
     assert off_m() > 2.0 * with_walls_m

@@ -76,7 +76,8 @@ def cleaned(seed: int, area_m2: tuple[float, float], config: Config) -> Row:
     band = band_of(tally.swept, MACHINE.width_m)
     crowd = run.world.crowd
     people = np.zeros((0, 3)) if crowd is None else crowd.people()
-    worth = map_worth(truth, [Polygon(one.polygon) for one in run.map.objects()], people)
+    found = [Polygon(one.polygon) for one in run.map.objects()]
+    worth = map_worth(truth, found, people, run.now_s)
     return Row(
         seed, area_m2, reachable.area, bool(hall.moved),
         band.intersection(reachable).area / reachable.area,

@@ -317,15 +317,9 @@ class FrameSteps:
         settings, measures = self._settings, room.measures
         labels, edge_m = room.labels, settings.voxel_m
         found = voxels.cluster(
-            room.voxels,
-            count,
-            room.used,
-            settings.cluster_m,
-            noise[2],
-            room.warp,
-            labels,
+            room.voxels, count, room.used, settings.cluster_m, noise[2], room.warp, labels,
             room.clusters,
-        )
+        )  # fmt: skip
         found = summits.part(
             room.voxels, count, labels, settings.summit_m, room.clusters, room.columns, room.bins
         )

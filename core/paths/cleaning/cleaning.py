@@ -24,7 +24,7 @@ from core.paths.cleaning.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
-from core.paths.cleaning.seen_floor import SPECK_M2, Doubt, SeenFloor, SweptFloor
+from core.paths.cleaning.seen_floor import MOST, SPECK_M2, Doubt, SeenFloor, SweptFloor
 from core.paths.cleaning.things import GAP_M, Thing, before, outlines
 from core.paths.coverage.plan import FIRST, LAST, plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
@@ -106,24 +106,28 @@ class Cleaning:
         """A frame's view (n, 2), and all near the machine that is known to stand or to move.
 
         Floor that somebody walks over stays as it was, also before he was seen to move.
+
+        Args:
+            standing: what the map has there.
+            passing: all that is new or moves.
         """
         self.floor.add(view)
         for one in standing:
             self.floor.doubt(_outline(one.buffer(self.settings.cell_m)))
         doubts = dict[int, list[Doubt]]()
         for new in passing:
-            before = self._doubts.get(new.id, [])
+            mine = self._doubts.get(new.id, [])
             if new.is_moving:
-                for doubt in before:
+                for doubt in mine:
                     self.floor.restore(doubt)
                 continue
-            doubts[new.id] = before
+            doubts[new.id] = mine
             if new.is_seen:
                 wide = Polygon(new.outline_m).buffer(self.settings.cell_m)
-                stays = len(before) >= self.settings.seen_frames - 1
+                stays = len(mine) >= self.settings.seen_frames - 1
                 doubt = self.floor.doubt(_outline(wide), stays)
-                if doubt.is_any or not stays:
-                    before.append(doubt)
+                if len(mine) < MOST:  # by then there is nothing left to take
+                    mine.append(doubt)
         self._doubts = doubts
 
     def drive(self, begin: Place, end: Place, sweeps: bool) -> None:
@@ -179,8 +183,9 @@ class Cleaning:
         return polygons_in(gaps.difference(self.floor.stood()))
 
     def plan(
-        self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None = None
-    ) -> Task:
+        self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None = None,
+        is_barred: bool = False,
+    ) -> Task:  # fmt: skip
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
 
         Behind a third of them it looks no more, behind half of them it goes home.
@@ -189,23 +194,27 @@ class Cleaning:
             things: all that is known to stand or to move, walls too.
             may_look: False: something barred the way; go on as before, whatever is unseen.
             old: what is left of the path (n, 2) that it sweeps along.
+            is_barred: something bars its way, maybe floor that it does not see.
         """
         won_m2 = self.floor.area_m2 + self.clean.area_m2
         self._tried += 1
         if won_m2 > self._won_m2 + WON_M2:
             self._tried, self._won_m2 = 0, won_m2
         may_look = may_look and self._tried < self.settings.tries // 3
-        task = self._next(place, things, may_look, old)
+        barred = shapely.Point(place[:2]).buffer(BARRED_M) if is_barred else NOWHERE
+        task = self._next(place, things, may_look, old, barred)
         if self._tried < self.settings.tries:
             return task
         return Task("stuck", why=task.why or f"the way is barred again and again, to {task.goal}")
 
-    def _next(self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None) -> Task:
+    def _next(
+        self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None,
+        barred: BaseGeometry,
+    ) -> Task:  # fmt: skip
         self._things = list(things)
         here = place[0], place[1]
         self.explain(things)
         try:
-            barred = NOWHERE if may_look else shapely.Point(here).buffer(BARRED_M)
             free = self.free(things, barred)
             space = space_at(MultiPolygon(polygons_in(free)), self.settings.machine, here)
         except FloorError:

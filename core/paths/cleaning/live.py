@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
+from msgspec.structs import replace
 from shapely import Polygon
 
 from core.coverage_settings import CoverageSettings
@@ -36,7 +37,7 @@ class Request(NamedTuple):
     place: Place
     wants: str  # "": nothing but what the views change; "new": a plan; "other": the way is barred
     barred: tuple[float, float, float] | None  # x, y and edge of a cell that bars the way, metres
-    rest: F64  # (n, 2) what is ahead of the path that is driven
+    rest: F64  # (n, 2) what is ahead of the path that it sweeps along; else (0, 2)
 
 
 class LiveCleaning:
@@ -89,10 +90,13 @@ class LiveCleaning:
             self._standing = [thing_of(one.outline_m, one.seen) for one in view.standing]
             self._standing += walls(view.walls_m)
         self._passing, here = view.passing, shapely.Point(place[:2])
-        around, passing = list[PassingThing](), list[PassingThing]()
-        for one in view.passing:
-            (around if Polygon(one.outline_m).contains(here) else passing).append(one)
-        known = _rims(self._standing + self._barring() + _new(around), here)
+        around = {one.id for one in view.passing if Polygon(one.outline_m).contains(here)}
+        mine = [one for one in view.passing if one.id in around]
+        new = [one for one in mine if one.is_seen and not one.is_moving]
+        passing = [
+            replace(one, is_seen=one.is_seen and one.id not in around) for one in view.passing
+        ]
+        known = _rims(self._standing + self._barring() + _new(new), here)
         near = [one for one in outlines(known) if one.dwithin(here, NEAR_M)]
         self._cleaning.see(view.view_m, near, passing)
 
@@ -114,8 +118,8 @@ class LiveCleaning:
 
     def _planned(self, asked: Request, may_look: bool) -> Planned:
         things = self._things(shapely.Point(asked.place[:2]))
-        old = np.vstack([[asked.place[:2]], asked.rest]) if self._task.goal == "sweep" else None
-        task = self._task = self._cleaning.plan(asked.place, things, may_look, old)
+        old, is_barred = np.vstack([[asked.place[:2]], asked.rest]), asked.wants == "other"
+        task = self._task = self._cleaning.plan(asked.place, things, may_look, old, is_barred)
         self._looked_s = asked.t_s
         told = [PathSegment(one.kind == "sweep", one.points) for one in task.segments]
         seen_m2, clean_m2 = self._cleaning.floor.area_m2, self._cleaning.clean.area_m2

@@ -60,10 +60,6 @@ class Doubt(NamedTuple):
     stood: Mask  # those on which nothing had stood before
     when: int  # `explain` had been called so often
 
-    @property
-    def is_any(self) -> bool:
-        return bool(self.views.any() or self.explained.any() or self.stood.any())
-
 
 class SeenFloor:
     """A square of cells around a place.
@@ -116,6 +112,8 @@ class SeenFloor:
         explained = self._explained[window] & (touched == 1)
         self._explained[window] &= touched == 0
         stood = (touched == 1) & ~self._stood[window] & stays
+        if stood.any():
+            self._use(window)
         self._stood[window] |= stood
         return Doubt(window, views, explained, stood, self._explains)
 

@@ -34,8 +34,8 @@ PRICES = (  # what a change must win, of what a lane in the open does; rows are 
     (0.4, 0.2, 0.1, 0.07),
     (0.3, 0.12, 0.05),
 )
-FIRST = ((0.5, 0.3, 0.2, 0.15),)  # where later plans win the rest,
-LAST = ((0.1, 0.05, 0.03),)  # with the tool up on the way to it
+FIRST = ((0.6, 0.4, 0.3, 0.2),)  # where later plans win the rest,
+LAST = ((0.1, 0.04, 0.02),)  # with the tool up on the way to it
 WORTH = 0.08  # at that price plans are compared
 ENOUGH = 0.996  # of the raster; more is bought at no lower price
 SMALL = 150  # squares of the width: up to that all rows are tried
@@ -71,7 +71,8 @@ def plan_coverage(
         is_refined: False: lanes stay exactly as far apart as the machine asks.
         old: what is left of a path (n, 2), for a floor that was a little otherwise. It is mended,
             and goes on if nothing new is worth more.
-        prices: rows of them, as `PRICES`; all but the first are tried on small floors.
+        prices: rows of them, as `PRICES`; all but the first are tried on small floors. They and
+            `old` are for paths that are refined, at no given angle.
 
     Raises:
         FloorError: no room for the machine; coordinates that are no numbers; start or dock off the
@@ -87,7 +88,7 @@ def plan_coverage(
     if angle_rad is None and is_refined:
         work = _Work(space, todo, rooms, machine, angle, "contours")
         paths = [work.path(begin, dock, row) for row in prices[: None if is_small else 1]]
-        if old is not None and len(old) > 1:
+        if old is not None and len(old) > 1 and not todo.is_empty:
             paths.append(work.path(begin, dock, prices[0], old))
     else:
         angles = [angle, angle + QUARTER] if angle_rad is None else [angle]
@@ -221,11 +222,11 @@ class _Work:
             return 0.0, np.empty((0, 2)), [], self._angle_rad
         points = np.vstack([refiners[0].points, *(r.points[1:] for r in refiners[1:])])
         sweeps = modes_of(points, self._raster, self._machine.width_m)
-        worth = self._raster.area(self._raster.swept)
-        worth -= WORTH * self._machine.width_m * length_of(points)
         home = None if end is None else graph.way(points[-1], end)
         if home is not None and math.dist(points[-1], home[-1]) > 1e-9:
             points, sweeps = np.vstack([points, home[1:]]), sweeps + [False] * (len(home) - 1)
+        worth = self._raster.area(self._raster.swept)
+        worth -= WORTH * self._machine.width_m * length_of(points)
         return worth, rotated(points, self._angle_rad), sweeps, self._angle_rad
 
     def _tour(self, start: F64 | None, end: F64 | None) -> tuple[VisibilityGraph, list[list[F64]]]:

@@ -56,7 +56,7 @@ def test_the_band_is_what_the_tool_swept_and_no_more() -> None:
 
 def test_a_map_of_the_truth_is_without_fault_and_a_false_object_counts() -> None:
     truth = Truth(hall_of(2))
-    outlines = truth.outlines()
+    outlines = truth.outlines(0.0)
     worth = map_worth(truth, outlines, PEOPLE)
     assert (worth.missed, worth.false, worth.fragments) == (0, 0, 0)
     ghost = shapely.box(0.5, -0.2, 0.9, 0.2)

@@ -296,7 +296,7 @@ class HallRun:
             self._barred_s = math.inf
             if self.is_blind:
                 return self._look_round(place)
-            return self._plan(place, may_look=self.task.goal == "look")
+            return self._plan(place, self.task.goal == "look", is_barred=True)
         if not self._follower.is_done or self.tally.frames < FIRST_FRAMES:
             return None
         if self.task.goal == "home":
@@ -319,11 +319,11 @@ class HallRun:
         at = self.task.viewpoint
         return at is not None and at.block not in self.cleaning.frontiers(self.things())
 
-    def _plan(self, place: Place, may_look: bool = True) -> None:
+    def _plan(self, place: Place, may_look: bool = True, is_barred: bool = False) -> None:
         self._arrived_s, self._halts = math.inf, False
         self.tally.plans += 1
         old = self._follower.rest(place) if self.task.goal == "sweep" else None
-        self.task = self.cleaning.plan(place, self.things(), may_look, old)
+        self.task = self.cleaning.plan(place, self.things(), may_look, old, is_barred)
         if self.task.goal in ("wait", "done", "stuck"):
             self._barred_s = self.now_s
             self._follower.follow(np.array([place[:2]]))

@@ -1,6 +1,5 @@
 """What is true of a hall, as polygons, and what a run was worth by it. Metres."""
 
-import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -72,12 +71,12 @@ class Truth:
         )
         return grown(space_at(free, wider, (0.0, 0.0)), machine.width_m / 2).intersection(free)
 
-    def outlines(self) -> list[Polygon]:
-        """Of each thing that stands there at the end."""
+    def outlines(self, t_s: float) -> list[Polygon]:
+        """Of each thing that stands there at an instant."""
         rows = [
             [_box(s) for s in thing.shapes if s.bottom_m < HIGH_M] for thing in self.hall.things
         ]
-        rows += [[_mover_box(one)] for one in self.moved if one.until_s == math.inf]
+        rows += [[_mover_box(one)] for one in self.moved if one.from_s <= t_s < one.until_s]
         return [shapely.union_all([_polygon(r) for r in each]).convex_hull for each in rows]
 
 
@@ -115,9 +114,9 @@ def gap_of(place: Sequence[float], boxes: F64, people: F64) -> tuple[float, str]
     return gap_m, f"what stands at x {left:.2f} to {right:.2f} m, y {low:.2f} to {high:.2f} m"
 
 
-def map_worth(truth: Truth, found: Sequence[Polygon], people: F64) -> MapWorth:
-    """Of the map's objects at the end; people (m, 3)."""
-    outlines = truth.outlines()
+def map_worth(truth: Truth, found: Sequence[Polygon], people: F64, t_s: float = 0.0) -> MapWorth:
+    """Of the map's objects at an instant; people (m, 3)."""
+    outlines = truth.outlines(t_s)
     walls = [_polygon(_box(wall)) for wall in (*truth.hall.walls, truth.hall.dock)]
     near = [one.buffer(SAME_M) for one in [*outlines, *walls]]
     owners = list[int]()

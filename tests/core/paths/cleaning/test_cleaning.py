@@ -1,13 +1,14 @@
 """Cleaning a floor that nobody knows: a perfect eye, and a machine that jumps along its path."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 
 from core.paths.cleaning.cleaning import BARRED_M, Cleaning, CleaningSettings, Place, Task
-from core.paths.cleaning.things import Thing, new_thing, thing_of
+from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of
 from core.paths.coverage.measures import swept_by
 from core.paths.records import Machine
 from core.records import PassingThing
@@ -170,6 +171,32 @@ def test_a_small_hole_in_seen_floor_is_planned_over_and_no_other(
     barred = shapely.Polygon() if may_look else shapely.Point(0.0, 0.0).buffer(BARRED_M)
     free = machine.cleaning.free([thing], barred)
     assert free.covers(hole.buffer(-0.01)) == is_swept
+
+
+@pytest.mark.parametrize(("frames", "is_kept"), [(2, False), (3, True)])
+def test_where_something_stood_nothing_explains_the_floor_until_it_is_seen_anew(
+    frames: int, is_kept: bool
+) -> None:
+    """A post 6 cm before a row of boxes, that no frame tells any more."""
+    cleaning = Cleaning(replace(SETTINGS, seen_frames=3, cell_m=0.025), (0.0, 0.0, 0.0))
+    floor = np.array([[0.0, -1.0], [1.92, -1.0], [1.92, 1.0], [0.0, 1.0]])
+    corners = np.array([[2.0, -1.0], [2.4, -1.0], [2.4, 1.0], [2.0, 1.0]])
+    boxes = [thing_of(corners, np.array([True] * 4))]
+    post = np.array([[1.9, -0.04], [1.97, -0.04], [1.97, 0.04], [1.9, 0.04]])
+    for _ in range(12):
+        cleaning.see(floor, outlines(boxes))
+    gap = shapely.box(1.92, -0.08, 1.98, 0.08)
+    for _ in range(frames):
+        told = PassingThing(1, post, is_moving=False, is_seen=True)
+        cleaning.see(np.zeros((0, 2)), outlines(boxes), [told])
+    cleaning.see(np.zeros((0, 2)), outlines(boxes))
+    cleaning.explain(boxes)
+    ring = shapely.get_coordinates(gap.exterior)[:-1]
+    assert cleaning.free(boxes).intersects(gap) != is_kept
+    assert cleaning.floor.is_free(ring) != is_kept
+    for _ in range(3):
+        cleaning.see(np.minimum(1.06 * floor, 1.99), outlines(boxes))
+    assert cleaning.floor.is_free(ring)
 
 
 def test_the_tool_has_work_where_floor_is_not_clean_and_no_more_behind_it() -> None:

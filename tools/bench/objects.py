@@ -56,7 +56,10 @@ def cut(image: DepthImage) -> DepthImage:
 def hulls_of(room: Room, lens_m: float, count: int, found: int) -> list[F64]:
     """Around what `count` voxels in `found` clusters are of, m on the floor."""
     edge_m, things = KINECT.voxel_m, int(room.points.found[0])
-    outlines.measure(room.voxels, count, room.labels, lens_m, room.measures, found)
+    outlines.measure(
+        room.voxels, count, room.labels, lens_m, room.fan, room.rim, room.down_rad,
+        room.measures, found,
+    )  # fmt: skip
     outlines.outline(
         room.points, 0, 1, things, edge_m, room.voxels, count, room.labels, room.columns,
         room.measures, found,

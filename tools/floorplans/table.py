@@ -52,7 +52,7 @@ def row(
     took_s = time.process_time() - begin_s
     m = measures_of(segments, plan.free, reach, VACUUM, MOTION)
     figures = (
-        f"{100 * m.covered_of_reachable:.1f} | {m.length_ratio:.2f} | {m.travel_m:.1f} | "
+        f"{100 * m.covered_of_reachable:.1f} | {m.length_ratio:.2f} | {max(0.0, m.travel_m):.1f} | "
         f"{took_s:.1f} | {m.outside_m2:.3f}"
     )
     return f"| {name} | {planner} | {figures} |\n"

@@ -58,14 +58,22 @@ class Columns(NamedTuple):
 
 
 @kernel
-def _is_at_rim(x: float, y: float, z: float, fan: Fan, rim: F64, pixel_rad: float) -> bool:
-    """Whether the image ends right above a point; z from the lens."""
+def _is_at_rim(
+    x: float, y: float, z: float, fan: Fan, rim: F64, lowest: float, pixel_rad: float
+) -> bool:
+    """Whether the image ends right above a point; z from the lens, `lowest` of the rim."""
+    if x <= 0.0:
+        return False
+    rise = z / x
+    above = rise + AT_RIM * pixel_rad * (1.0 + rise * rise)
+    if above < lowest:
+        return False  # nearly all
     at = fan_cell(x, y, fan)
     if at < 0:
         return False
-    row, rise = at // fan.steps, z / x
+    row = at // fan.steps
     most = max(rim[max(0, row - 1)], rim[row], rim[min(row + 1, rim.size - 1)])
-    return bool(most > -NOWHERE and rise >= most - AT_RIM * pixel_rad * (1.0 + rise * rise))
+    return bool(most > -NOWHERE and above >= most)
 
 
 @releasing_kernel
@@ -83,6 +91,10 @@ def measure(
         to.pixels[c], to.voxels[c], to.columns[c] = 0, 0, 0
         to.low[c], to.high[c], to.near2[c], to.far2[c] = 1e9, -1e9, 1e9, 0.0
         to.cut[c] = 0
+    lowest = NOWHERE
+    for row in range(rim.size):
+        if rim[row] > -NOWHERE:
+            lowest = min(lowest, rim[row])
     for v in range(count):
         c = labels[v]
         if c == NONE:
@@ -94,7 +106,9 @@ def measure(
         x, y, z = voxels.x[v], voxels.y[v], voxels.z[v] - lens_m
         range2 = x * x + y * y + z * z
         to.near2[c], to.far2[c] = min(to.near2[c], range2), max(to.far2[c], range2)
-        if to.cut[c] == 0 and _is_at_rim(x, y, voxels.high[v] - lens_m, fan, rim, pixel_rad):
+        if to.cut[c] == 0 and _is_at_rim(
+            x, y, voxels.high[v] - lens_m, fan, rim, lowest, pixel_rad
+        ):
             to.cut[c] = 1
 
 

@@ -189,10 +189,11 @@ class Watched:
         if complaint := self._peer.end():
             raise RunError(complaint)
         rounds = rounds_from_text(self._peer.out.read_text(encoding="ascii"))
-        return least_cpu(seen) / min(
-            statistics.mean(spent for at_s, spent in rounds if before.at_s <= at_s < after.at_s)
+        spans = [
+            [spent for at_s, spent in rounds if before.at_s <= at_s < after.at_s]
             for before, after in pairwise(seen)
-        )
+        ]
+        return least_cpu(seen) / min(statistics.mean(span) for span in spans if span)
 
     def _wait(self, seconds: float) -> None:
         if self._stop.wanted:

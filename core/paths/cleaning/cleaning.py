@@ -46,8 +46,8 @@ MUCH = 0.1  # of the floor: while more is left, what costs a long way is left fo
 DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
-BARRED_M = 1.5  # around where it was barred unseen floor stays so: its views begin at 1.15 m
-NOWHERE = Polygon()
+BARRED_M = 1.5  # where it was barred: so near it cannot look (`frontiers.NEAR_M`, and its size)
+NO_PLACE = Polygon()
 PARTED_M2, PARTED_LOOKS = 1.0, 8  # of places that are parted off: so often it turns and looks again
 
 
@@ -146,7 +146,7 @@ class Cleaning:
         tool = disc(at, self.settings.machine.width_m / 2)
         return self.clean.count_below(tool) * self.settings.cell_m**2 > DIRT_M2
 
-    def free(self, things: Sequence[Thing], barred: BaseGeometry = NOWHERE) -> BaseGeometry:
+    def free(self, things: Sequence[Thing], barred: BaseGeometry = NO_PLACE) -> BaseGeometry:
         """Where the machine's outline may be: seen, or right before a thing; and away from it.
 
         Small holes in it will be seen before the machine is there, but where it was barred.
@@ -201,7 +201,7 @@ class Cleaning:
         if won_m2 > self._won_m2 + WON_M2:
             self._tried, self._won_m2 = 0, won_m2
         may_look = may_look and self._tried < self.settings.tries // 3
-        barred = shapely.Point(place[:2]).buffer(BARRED_M) if is_barred else NOWHERE
+        barred = shapely.Point(place[:2]).buffer(BARRED_M) if is_barred else NO_PLACE
         task = self._next(place, things, may_look, old, barred)
         if self._tried < self.settings.tries:
             return task

@@ -99,7 +99,7 @@ class FrameLook:
             min(max(sigmas[1], yaw_rad), LOST * yaw_rad),
         )
         pose = CameraPose(T_map_sensor, SIGMA_HEIGHT_M, SIGMA_TILT_RAD, SIGMA_TILT_RAD, *sigmas)
-        result = self._steps.find(image, pose, self._walls())
+        result = self._steps.find(image, pose, self._objects.walls.landmarks())
         is_older = not image.t_s > self._before_s
         if result.doubt or result.floor is None or is_older:
             doubt = "an older frame" if is_older else result.doubt or "no floor"

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 from msgspec import Struct
 
-from core.objects.records import Floats, FrameObjects
+from core.objects.records import Detection, Floats, FrameObjects
 from core.objects.vector_map.align import Correction, Sides, correction_of
 from core.objects.vector_map.field import NONE
 from core.objects.vector_map.index import Box, BoxIndex
@@ -38,6 +38,7 @@ from core.objects.vector_map.walls import WallRecord
 OF_WALL = 0.9  # so much of an object where a wall is taken to be: it is that wall
 END_M = 0.25  # what was hardly seen and lies so near a wall's end is the wall's own end face
 FLAT_M = 0.15  # nobody is so thin: what lies within that of a wall does not walk
+OF_THINGS = 0.75  # so much of a new upright plane on things that are known: it is a face of them
 COVERED = 0.5  # so much of the smaller of two objects within the other: they are one
 
 
@@ -113,7 +114,7 @@ class ObjectMap:
         """
         check_frame(frame, self._last_s)
         self._last_s = frame.at_s
-        frame = thickened(frame, self.settings)
+        frame = thickened(self._with_faces(frame), self.settings)
         raw = prepared(frame, self.settings)
         near = self._near(raw)
         correction = correction_of(self._sides(raw, near), frame.origin, self.settings)
@@ -136,6 +137,24 @@ class ObjectMap:
         return MapUpdate(self._journal.version, correction, obstacles)
 
     # one frame, step by step
+
+    def _with_faces(self, frame: FrameObjects) -> FrameObjects:
+        """A frame in which a new upright plane is seen of a thing, if most of it lies on things."""
+        margin_m, is_wall = 3.0 * self.settings.pose_sigma_m, np.ones(len(frame.walls), dtype=bool)
+        faces = list[Detection]()
+        for k, segment in enumerate(frame.walls):
+            ends = segment.reshape(2, 2)
+            things = [self._objects[n] for n in self._index.near(box_of(ends, margin_m))]
+            if not things or self.walls.is_known(segment):
+                continue
+            line = shapely.LineString(ends)
+            known = shapely.union_all([shapely.Polygon(one.polygon) for one in things])
+            if line.intersection(known.buffer(margin_m)).length > OF_THINGS * line.length:
+                bottom_m = min(one.bottom_m for one in things)
+                top_m = max(one.top_m for one in things)
+                faces.append(Detection(ends, bottom_m, top_m, 0))
+                is_wall[k] = False
+        return frame._replace(detections=(*frame.detections, *faces), walls=frame.walls[is_wall])
 
     def _near(self, now: PreparedFrame) -> list[int]:
         """Ids of objects that this frame may speak of."""

@@ -13,6 +13,7 @@ from core.objects.vector_map.mapped import box_of
 from core.objects.vector_map.settings import ObjectMapSettings
 from core.objects.vector_map.walls import Wall, WallRecord
 
+LANDMARK_M = 3.0  # of walls: two pallets in a row are shorter
 APART_M = 0.2  # pieces of a segment that are compared with a wall are at most so long
 
 
@@ -34,6 +35,18 @@ class WallMap:
         """All that have pieces which are wall, by id."""
         found = [self._walls[number].record() for number in sorted(self._walls)]
         return [wall for wall in found if len(wall.segments)]
+
+    def landmarks(self) -> Floats:
+        """Segments (n, 4) of the walls that tell a frame where it is.
+
+        Short ones are off by centimetres: they may be faces of things in a row. Short is a third of
+        the longest wall, and in a large room LANDMARK_M.
+        """
+        found = [wall.segments for wall in self.records()]
+        lengths_m = [float(np.hypot(*(one[:, 2:] - one[:, :2]).T).sum()) for one in found]
+        least_m = min(LANDMARK_M, max(lengths_m, default=0.0) / 3.0)
+        long = [one for one, length_m in zip(found, lengths_m, strict=True) if length_m >= least_m]
+        return np.vstack([np.zeros((0, 4)), *long])
 
     def near(self, box: Box) -> list[WallRecord]:
         found = [self._walls[number].record() for number in self._index.near(box)]
@@ -97,6 +110,7 @@ class WallMap:
             wall.hit(segment, told.ravel(), frame.at_s)
             hits.setdefault(wall.id, []).append(segment)
             self._index.put(wall.id, wall.box())
+        gone = [lost for n in sorted(hits) if n in self._walls for lost in self._unite(n, hits)]
         near = self._index.near(box_of(np.vstack([frame.view, np.array([frame.origin])])))
         for number in near:
             wall = self._walls[number]
@@ -104,7 +118,26 @@ class WallMap:
             if frame.at_s - wall.seen_s > self._s.coast_s and len(wall.record().segments) == 0:
                 del self._walls[number]  # never confirmed, or taken down
                 self._index.remove(number)
-        return sorted({*hits, *near})
+        return sorted({*hits, *near, *gone})
+
+    def _unite(self, number: int, hits: dict[int, list[Floats]]) -> list[int]:
+        """Make a wall one with those that turn out to be it; the oldest goes on. Who is no more."""
+        around = box_of(np.reshape(self._walls[number].box(), (2, 2)), self._s.contradiction_m)
+        gone = list[int]()
+        for other in [each for each in self._index.near(around) if each != number]:
+            if not self._walls[number].is_one_with(self._walls[other]):
+                continue
+            number, younger = sorted((number, other))
+            self._walls[number].take(self._walls.pop(younger))
+            self._index.remove(younger)
+            self._index.put(number, self._walls[number].box())
+            hits.setdefault(number, []).extend(hits.pop(younger, []))
+            gone.append(younger)
+        return gone
+
+    def is_known(self, segment: Floats) -> bool:
+        """Whether a segment (4,) lies along a wall."""
+        return self._of(segment) is not None
 
     def _of(self, segment: Floats) -> Wall | None:
         """The wall along which a segment (4,) lies: the one nearest in offset."""

@@ -62,7 +62,7 @@ class Wall:
         length = math.dist(*ends)
         near = 3.0 * math.hypot(self._s.pose_sigma_m, self._s.hull_sigma_m) + self._s.view_gap_m
         turn = math.atan2(abs(float(aside[1] - aside[0])), abs(float(along[1] - along[0])))
-        first, last = self._extent()
+        first, last = self.extent()
         gap = max(first - float(along.max()), float(along.min()) - last)
         return (
             turn < math.radians(self._s.wall_angle_deg)
@@ -89,9 +89,44 @@ class Wall:
         self._fit()
         self.seen_s, self.frames = at_s, self.frames + 1
 
+    def is_one_with(self, other: "Wall") -> bool:
+        """Whether both run along each other somewhere, no farther apart than poses err."""
+        ends = np.array([other.point + at * other.along for at in other.extent()])
+        along, aside = self.measured(ends)
+        if along[0] > along[1]:
+            along, aside = along[::-1], aside[::-1]
+        turn = math.atan2(abs(float(aside[1] - aside[0])), float(along[1] - along[0]))
+        first, last = self.extent()
+        both = max(first, float(along[0])), min(last, float(along[1]))
+        return (
+            both[0] < both[1]
+            and turn < math.radians(self._s.wall_angle_deg)
+            and float(np.abs(np.interp(both, along, aside)).max()) < self._s.contradiction_m
+        )
+
+    def take(self, other: "Wall") -> None:
+        """Go on with what another one has told of its pieces as well."""
+        places = other.point + other.middles()[:, None] * other.along
+        along, aside = self.measured(places + other.aside[:, None] * other.normal)
+        pieces = np.floor(along / self._s.wall_cell_m).astype(np.int64)
+        self._reach(int(pieces.min()), int(pieces.max()))
+        at = pieces - self.start
+        for mean, count, values, counts in (
+            (self.share, self.weight, other.share, other.weight),
+            (self.aside, self.placed, aside, other.placed),
+        ):
+            total = mean * count
+            np.add.at(total, at, values * counts)
+            np.add.at(count, at, counts)
+            mean[:] = total / np.maximum(count, 1.0)
+        np.minimum(self.weight, self._s.memory_frames, out=self.weight)
+        self.first_s, self.seen_s = min(self.first_s, other.first_s), max(self.seen_s, other.seen_s)
+        self.frames += other.frames
+        self._fit()
+
     def seen_through(self, hits: list[Floats], sectors: Floats, lens: Floats) -> None:
         """One frame's say against pieces that none of its segments covers."""
-        middle = self._middles()
+        middle = self.middles()
         covered = np.zeros(len(middle), dtype=bool)
         for segment in hits:
             along, _ = self.measured(segment.reshape(2, 2))
@@ -132,12 +167,12 @@ class Wall:
         return WallRecord(self.id, segments, openings, self.first_s, self.seen_s, sure)
 
     def box(self) -> Box:
-        first, last = self._extent()
+        first, last = self.extent()
         ends = np.array([self.point + first * self.along, self.point + last * self.along])
         (x0, y0), (x1, y1) = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
         return x0, y0, x1, y1
 
-    def _middles(self) -> Floats:
+    def middles(self) -> Floats:
         """Of all pieces, along the wall, m."""
         middles = (self.start + np.arange(len(self.share)) + HALF) * self._s.wall_cell_m
         return np.asarray(middles, np.float64)
@@ -145,7 +180,7 @@ class Wall:
     def _place(self, mine: slice, along: Floats, aside: Floats) -> None:
         """Where a segment of such ends had some pieces."""
         slope = (aside[1] - aside[0]) / (along[1] - along[0])
-        there = aside[0] + slope * (self._middles()[mine] - along[0])
+        there = aside[0] + slope * (self.middles()[mine] - along[0])
         self.placed[mine] += 1.0
         self.aside[mine] += (there - self.aside[mine]) / self.placed[mine]
 
@@ -155,7 +190,7 @@ class Wall:
         known = self.placed > 0.0
         if known.sum() < 2:
             return
-        middles = self._middles()
+        middles = self.middles()
         weight = np.minimum(self.placed[known], self._s.memory_frames)
         J = np.column_stack([np.ones(len(weight)), middles[known]])
         N, g = J.T @ (weight[:, None] * J), J.T @ (weight * self.aside[known])
@@ -165,7 +200,8 @@ class Wall:
         self.along = self.along + slope * self.normal
         self.along = self.along / math.hypot(*self.along)
 
-    def _extent(self) -> tuple[float, float]:
+    def extent(self) -> tuple[float, float]:
+        """Along it, from its first piece to its last, m."""
         cell = self._s.wall_cell_m
         return self.start * cell, (self.start + len(self.share)) * cell
 

@@ -20,7 +20,7 @@ from jit import allocating_kernel
 
 I64 = npt.NDArray[np.int64]
 BLOCK = 40  # cells of a frontier that are taken together
-LEAST_CELLS, FEW_CELLS = 24, 8  # of one block: fewer are no frontier; and where much was swept
+LEAST_CELLS, FEW_CELLS = 12, 8  # of one block: fewer are no frontier; and where much was swept
 STEP_M = 0.1  # of the raster of places
 NEAR_M, FAR_M = 1.1, 1.8  # from a place to the frontier that is looked at
 IN_REACH_M = 1.0  # a frontier that is farther from all places is not needed

@@ -3,10 +3,13 @@
 import numpy as np
 import pytest
 
+from core.objects.records import FrameObjects
+from core.objects.vector_map.align import Correction
 from core.objects.vector_map.object_map import ObjectMap
+from core.objects.vector_map.wall_map import WallMap
 from core.objects.vector_map.walls import Wall
 from core.records import F64
-from tools.experiments.object_world import SETTINGS, Noise, World
+from tools.experiments.object_world import SETTINGS, Noise, World, box
 
 SIGMA_M = 0.012  # of a segment's end
 
@@ -57,3 +60,65 @@ def test_a_walls_ends_do_not_grow_with_the_noise_of_the_pose(half_m: float) -> N
     [segment] = wall.segments
     assert np.abs(segment[[1, 3]]).max() < half_m + 0.5 * SETTINGS.wall_cell_m + 0.01
     assert segment[3] - segment[1] > 2.0 * half_m - SETTINGS.wall_cell_m
+
+
+def frame_of(at_s: float, *segments: tuple[float, float, float, float]) -> FrameObjects:
+    """A frame that shows walls alone, from before them."""
+    view = np.array([[0.0, -2.0], [9.0, -2.0], [9.0, -0.5], [0.0, -0.5]])
+    return FrameObjects(at_s, (4.0, -2.5), view, (), np.array(segments))
+
+
+def walls_of(*frames: FrameObjects) -> tuple[WallMap, list[int]]:
+    """A map of them, and all ids that it spoke of."""
+    walls, ids, told = WallMap(SETTINGS), iter(range(1, 99)), list[int]()
+    nowhere = Correction(0.0, 0.0, 0.0, (0.0, 0.0))
+    for frame in frames:
+        told += walls.update(frame, np.zeros((0, 3)), nowhere, lambda: next(ids))
+    return walls, told
+
+
+@pytest.mark.parametrize("apart_m", [0.0, 0.02, 0.04])
+def test_a_wall_that_is_seen_from_both_ends_becomes_one(apart_m: float) -> None:
+    """Until they meet these are two walls: they begin too far from each other."""
+    frames = []
+    for k in range(100):
+        left, right = 0.05 * k, 9.0 - 0.05 * k
+        ends = (left, 0.0, left + 1.5, 0.0), (right - 1.5, apart_m, right, apart_m)
+        frames.append(frame_of(0.1 * k, *ends))
+    walls, told = walls_of(*frames)
+    [wall] = walls.records()
+    [segment] = wall.segments
+    assert (wall.id, wall.first_seen_s) == (1, 0.0)
+    assert 2 in told  # its copy is taken back
+    assert not walls.has(2)
+    assert sorted(segment[[0, 2]]) == pytest.approx([0.2, 8.8], abs=0.1)
+    assert -0.02 < segment[[1, 3]].min() <= segment[[1, 3]].max() < apart_m + 0.02
+
+
+@pytest.mark.parametrize("apart_m", [0.08, 0.3])
+def test_two_faces_of_a_partition_stay_two_walls(apart_m: float) -> None:
+    """One of them is known from elsewhere than where it meets the other."""
+    near = [frame_of(0.1 * k, (0.0, 0.0, 1.5, 0.0)) for k in range(8)]
+    far = [frame_of(1.0 + 0.1 * k, (4.0, apart_m, 8.0, apart_m)) for k in range(40)]
+    more = [frame_of(6.0 + 0.1 * k, (0.3, apart_m, 8.0, apart_m)) for k in range(8)]
+    walls, _ = walls_of(*near, *far, *more)
+    offsets = sorted(float(wall.segments[0][1]) for wall in walls.records())
+    assert offsets == pytest.approx([0.0, apart_m], abs=0.03)
+
+
+def test_a_face_of_a_thing_in_the_map_is_no_new_wall() -> None:
+    """From nearby a long face is an upright plane; it stands where a thing is known to."""
+    world, objects = World([box(3.0, 0.0, 0.6, 1.2)]), ObjectMap(SETTINGS)
+    for _ in range(20):
+        objects.update(world.frame(0.0, 0.0, 0.0))
+    [known] = objects.objects()
+    world.things = []
+    world.walls = np.array([[2.7, -0.6, 2.7, 0.6]])
+    for _ in range(20):
+        objects.update(world.frame(1.2, 0.0, 0.0))
+    assert objects.walls.records() == []
+    assert [one.id for one in objects.objects()] == [known.id]
+    world.walls = np.array([[2.7, -0.6, 2.7, 1.9]])  # it goes on: that is a wall
+    for _ in range(20):
+        objects.update(world.frame(0.5, 0.4, 0.0))
+    assert len(objects.walls.records()) == 1

@@ -195,12 +195,8 @@ class HallRun:
         return x, y, yaw
 
     def _look(self, pose: Place) -> None:
-        known = [wall.segments for wall in self.map.walls.records()]
-        told = self._steps.find(
-            self.camera.image(self.now_s),
-            self.camera.pose(pose),
-            np.vstack(known) if known else np.zeros((0, 4)),
-        )
+        image, lens = self.camera.image(self.now_s), self.camera.pose(pose)
+        told = self._steps.find(image, lens, self.map.walls.landmarks())
         self.tally.frames += 1
         if told.doubt:
             self.tally.doubts += 1

@@ -163,11 +163,9 @@ class Mapper:
 
     def take(self, seen: View) -> tuple[FrameResult, MapUpdate | None]:
         """One frame; a frame in doubt does not reach the map."""
-        known = [wall.segments for wall in self.objects.walls.records()]
+        known = self.objects.walls.landmarks()
         before_s = time.process_time()
-        told = self.steps.find(
-            seen.image, seen.pose, np.vstack(known) if known else np.zeros((0, 4))
-        )
+        told = self.steps.find(seen.image, seen.pose, known)
         between_s = time.process_time()
         update = None if told.doubt else self.objects.update(told.objects)
         self.find_s.append(between_s - before_s)

@@ -15,6 +15,7 @@ from core.objects.vector_map.seen import pieces_of
 from core.objects.vector_map.settings import ObjectMapSettings
 
 LOST_SHARE = 0.2  # so much of its settled sides lies outside of its outline now: it was moved
+SEEN_ROUND = 0.5  # so much of an outline in finished sides: it was seen from more than one side
 NO_SIDES: Floats = np.zeros((0, 4))
 VIEWS = 8  # directions from which an object can have been seen: bit 0 is from +x, counter-clockwise
 Kind = Literal["static", "moved"]
@@ -133,6 +134,13 @@ class Mapped:
         good = self.finished & (lengths > 3.0 * cell)
         cut = cell * along[good] / lengths[good, None]
         return np.hstack([self.polygon[good] + cut, ends[good] - cut])
+
+    def is_round(self, depth_m: float) -> bool:
+        """Whether it was seen from more than one side: most of its outline, and with depth."""
+        outline = shapely.Polygon(self.polygon)
+        lengths = np.hypot(*(np.roll(self.polygon, -1, axis=0) - self.polygon).T)
+        is_seen = float(lengths[self.finished].sum()) > SEEN_ROUND * outline.length
+        return is_seen and not outline.buffer(-0.5 * depth_m).is_empty
 
     def record(self) -> MapObject:
         trust = 1.0 - (1.0 - 1.0 / self._s.memory_frames) ** self.frames

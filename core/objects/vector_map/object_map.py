@@ -139,12 +139,16 @@ class ObjectMap:
     # one frame, step by step
 
     def _with_faces(self, frame: FrameObjects) -> FrameObjects:
-        """A frame in which a new upright plane is seen of a thing, if most of it lies on things."""
+        """A frame in which a new upright plane is seen of a thing, if most of it lies on things.
+
+        Of one that was seen from one side alone nobody knows whether it is a piece of a wall.
+        """
         margin_m, is_wall = 3.0 * self.settings.pose_sigma_m, np.ones(len(frame.walls), dtype=bool)
         faces = list[Detection]()
         for k, segment in enumerate(frame.walls):
             ends = segment.reshape(2, 2)
-            things = [self._objects[n] for n in self._index.near(box_of(ends, margin_m))]
+            near = [self._objects[n] for n in self._index.near(box_of(ends, margin_m))]
+            things = [one for one in near if one.is_round(FLAT_M)]
             if not things or self.walls.is_known(segment):
                 continue
             line = shapely.LineString(ends)

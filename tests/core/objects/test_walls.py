@@ -106,18 +106,44 @@ def test_two_faces_of_a_partition_stay_two_walls(apart_m: float) -> None:
     assert offsets == pytest.approx([0.0, apart_m], abs=0.03)
 
 
-def test_a_face_of_a_thing_in_the_map_is_no_new_wall() -> None:
-    """From nearby a long face is an upright plane; it stands where a thing is known to."""
+@pytest.mark.parametrize(
+    ("long_m", "telling"),
+    [(9.0, 1), (8.0, 1), (3.0, 2)],  # in a large room, and in a small one
+)
+def test_long_walls_alone_tell_a_frame_where_it_is(long_m: float, telling: int) -> None:
+    short, long = (0.5, 0.0, 2.0, 0.0), (0.0, -1.0, long_m, -1.0)
+    walls, _ = walls_of(*(frame_of(0.1 * k, short, long) for k in range(20)))
+    assert len(walls.records()) == 2
+    segments = walls.landmarks()
+    assert len(segments) == telling
+    assert {-1.0} <= set(segments[:, 1].round(3)) <= {-1.0, 0.0}
+
+
+def test_where_no_wall_is_known_none_tells() -> None:
+    assert walls_of()[0].landmarks().shape == (0, 4)
+
+
+ROUND = [(0.0, 0.0, 0.0), (3.0, -3.0, 1.57), (6.0, 0.0, 3.14), (3.0, 3.0, -1.57)]
+BEFORE = ROUND[:1]
+
+
+@pytest.mark.parametrize(("places", "walls"), [(ROUND, 0), (BEFORE, 1)])
+def test_a_face_of_a_thing_that_was_seen_round_is_no_new_wall(
+    places: list[tuple[float, float, float]], walls: int
+) -> None:
+    """From nearby a long face is an upright plane; but one seen from before may be of a wall."""
     world, objects = World([box(3.0, 0.0, 0.6, 1.2)]), ObjectMap(SETTINGS)
-    for _ in range(20):
-        objects.update(world.frame(0.0, 0.0, 0.0))
+    for place in places:
+        for _ in range(20):
+            objects.update(world.frame(*place))
     [known] = objects.objects()
     world.things = []
     world.walls = np.array([[2.7, -0.6, 2.7, 0.6]])
     for _ in range(20):
         objects.update(world.frame(1.2, 0.0, 0.0))
-    assert objects.walls.records() == []
-    assert [one.id for one in objects.objects()] == [known.id]
+    assert len(objects.walls.records()) == walls
+    if not walls:
+        assert [one.id for one in objects.objects()] == [known.id]
     world.walls = np.array([[2.7, -0.6, 2.7, 1.9]])  # it goes on: that is a wall
     for _ in range(20):
         objects.update(world.frame(0.5, 0.4, 0.0))

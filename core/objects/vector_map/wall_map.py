@@ -48,6 +48,10 @@ class WallMap:
         long = [one for one, length_m in zip(found, lengths_m, strict=True) if length_m >= least_m]
         return np.vstack([np.zeros((0, 4)), *long])
 
+    def is_known(self, segment: Floats) -> bool:
+        """Whether a segment (4,) lies along a wall."""
+        return self._of(segment) is not None
+
     def near(self, box: Box) -> list[WallRecord]:
         found = [self._walls[number].record() for number in self._index.near(box)]
         return [wall for wall in found if len(wall.segments)]
@@ -134,10 +138,6 @@ class WallMap:
             hits.setdefault(number, []).extend(hits.pop(younger, []))
             gone.append(younger)
         return gone
-
-    def is_known(self, segment: Floats) -> bool:
-        """Whether a segment (4,) lies along a wall."""
-        return self._of(segment) is not None
 
     def _of(self, segment: Floats) -> Wall | None:
         """The wall along which a segment (4,) lies: the one nearest in offset."""

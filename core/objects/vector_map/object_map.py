@@ -8,6 +8,7 @@ an obstacle from its first frame (`Newcomers`). It opens no file and reads no cl
 Source: docs/object-map.md.
 """
 
+import math
 from collections import Counter, OrderedDict
 from collections.abc import Iterable, Sequence
 from itertools import combinations
@@ -18,6 +19,7 @@ from msgspec import Struct
 
 from core.objects.records import Detection, Floats, FrameObjects
 from core.objects.vector_map.align import Correction, Sides, correction_of
+from core.objects.vector_map.faces import parted
 from core.objects.vector_map.field import NONE
 from core.objects.vector_map.index import Box, BoxIndex
 from core.objects.vector_map.journal import Changes, Journal, shape_of
@@ -139,26 +141,28 @@ class ObjectMap:
     # one frame, step by step
 
     def _with_faces(self, frame: FrameObjects) -> FrameObjects:
-        """A frame in which a new upright plane is seen of a thing, if most of it lies on things.
+        """A frame in which a new upright plane is seen of things, if most of it lies on things.
 
         Of one that was seen from one side alone nobody knows whether it is a piece of a wall.
         """
         margin_m, is_wall = 3.0 * self.settings.pose_sigma_m, np.ones(len(frame.walls), dtype=bool)
-        faces = list[Detection]()
+        found = list(frame.detections)
         for k, segment in enumerate(frame.walls):
-            ends = segment.reshape(2, 2)
-            near = [self._objects[n] for n in self._index.near(box_of(ends, margin_m))]
-            things = [one for one in near if one.is_round(FLAT_M)]
-            if not things or self.walls.is_known(segment):
+            length_m = math.dist(segment[:2], segment[2:])
+            if length_m <= margin_m or self.walls.is_known(segment):
                 continue
-            line = shapely.LineString(ends)
-            known = shapely.union_all([shapely.Polygon(one.polygon) for one in things])
-            if line.intersection(known.buffer(margin_m)).length > OF_THINGS * line.length:
-                bottom_m = min(one.bottom_m for one in things)
-                top_m = max(one.top_m for one in things)
-                faces.append(Detection(ends, bottom_m, top_m, 0))
-                is_wall[k] = False
-        return frame._replace(detections=(*frame.detections, *faces), walls=frame.walls[is_wall])
+            near = self._index.near(box_of(segment.reshape(2, 2), margin_m))
+            things = [one for n in near if (one := self._objects[n]).is_round(FLAT_M)]
+            faces, rest = parted(segment, [one.polygon for one in things], margin_m)
+            if sum(math.dist(*ends) for ends in rest) >= (1.0 - OF_THINGS) * length_m:
+                continue
+            is_wall[k] = False
+            for one, ends in zip(things, faces, strict=True):
+                if len(ends):
+                    found.append(Detection(ends, one.bottom_m, one.top_m, 0))
+            top_m = max(one.top_m for one in things)
+            found += [Detection(ends, 0.0, top_m, 0) for ends in rest]
+        return frame._replace(detections=tuple(found), walls=frame.walls[is_wall])
 
     def _near(self, now: PreparedFrame) -> list[int]:
         """Ids of objects that this frame may speak of."""

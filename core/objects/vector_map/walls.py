@@ -90,19 +90,19 @@ class Wall:
         self.seen_s, self.frames = at_s, self.frames + 1
 
     def is_one_with(self, other: "Wall") -> bool:
-        """Whether both run along each other somewhere, no farther apart than poses err."""
+        """Whether both meet, and nowhere from end to end lie farther apart than poses err."""
         ends = np.array([other.point + at * other.along for at in other.extent()])
         along, aside = self.measured(ends)
-        if along[0] > along[1]:
-            along, aside = along[::-1], aside[::-1]
-        turn = math.atan2(abs(float(aside[1] - aside[0])), float(along[1] - along[0]))
+        reach = float(along[1] - along[0])
         first, last = self.extent()
-        both = max(first, float(along[0])), min(last, float(along[1]))
-        return (
-            both[0] < both[1]
-            and turn < math.radians(self._s.wall_angle_deg)
-            and float(np.abs(np.interp(both, along, aside)).max()) < self._s.contradiction_m
-        )
+        low, high = float(along.min()), float(along.max())
+        slope = float(aside[1] - aside[0]) / reach if reach else math.inf
+        if min(last, high) <= max(first, low) or abs(slope) > math.tan(
+            math.radians(self._s.wall_angle_deg)
+        ):
+            return False
+        apart = aside[0] + slope * (np.array([min(first, low), max(last, high)]) - along[0])
+        return float(np.abs(apart).max()) < self._s.contradiction_m
 
     def take(self, other: "Wall") -> None:
         """Go on with what another one has told of its pieces as well."""

@@ -5,11 +5,12 @@ import pytest
 
 from core.objects.records import FrameObjects
 from core.objects.vector_map.align import Correction
+from core.objects.vector_map.mapped import MapObject
 from core.objects.vector_map.object_map import ObjectMap
 from core.objects.vector_map.wall_map import WallMap
 from core.objects.vector_map.walls import Wall
 from core.records import F64
-from tools.experiments.object_world import SETTINGS, Noise, World, box
+from tools.experiments.object_world import SETTINGS, Noise, Thing, World, box
 
 SIGMA_M = 0.012  # of a segment's end
 
@@ -69,12 +70,13 @@ def frame_of(at_s: float, *segments: tuple[float, float, float, float]) -> Frame
 
 
 def walls_of(*frames: FrameObjects) -> tuple[WallMap, list[int]]:
-    """A map of them, and all ids that it spoke of."""
-    walls, ids, told = WallMap(SETTINGS), iter(range(1, 99)), list[int]()
+    """A map of them, and the ids that it took back."""
+    walls, ids, gone = WallMap(SETTINGS), iter(range(1, 99)), list[int]()
     nowhere = Correction(0.0, 0.0, 0.0, (0.0, 0.0))
     for frame in frames:
-        told += walls.update(frame, np.zeros((0, 3)), nowhere, lambda: next(ids))
-    return walls, told
+        told = walls.update(frame, np.zeros((0, 3)), nowhere, lambda: next(ids))
+        gone += [number for number in told if not walls.has(number)]
+    return walls, gone
 
 
 @pytest.mark.parametrize("apart_m", [0.0, 0.02, 0.04])
@@ -85,12 +87,11 @@ def test_a_wall_that_is_seen_from_both_ends_becomes_one(apart_m: float) -> None:
         left, right = 0.05 * k, 9.0 - 0.05 * k
         ends = (left, 0.0, left + 1.5, 0.0), (right - 1.5, apart_m, right, apart_m)
         frames.append(frame_of(0.1 * k, *ends))
-    walls, told = walls_of(*frames)
+    walls, gone = walls_of(*frames)
     [wall] = walls.records()
     [segment] = wall.segments
     assert (wall.id, wall.first_seen_s) == (1, 0.0)
-    assert 2 in told  # its copy is taken back
-    assert not walls.has(2)
+    assert gone == [2]
     assert sorted(segment[[0, 2]]) == pytest.approx([0.2, 8.8], abs=0.1)
     assert -0.02 < segment[[1, 3]].min() <= segment[[1, 3]].max() < apart_m + 0.02
 
@@ -107,11 +108,14 @@ def test_two_faces_of_a_partition_stay_two_walls(apart_m: float) -> None:
 
 
 @pytest.mark.parametrize(
-    ("long_m", "telling"),
-    [(9.0, 1), (8.0, 1), (3.0, 2)],  # in a large room, and in a small one
+    ("long_m", "short_m", "telling"),
+    [(9.0, 1.5, 1), (12.0, 3.2, 2), (12.0, 2.8, 1), (8.0, 1.5, 1), (3.0, 1.5, 2)],
 )
-def test_long_walls_alone_tell_a_frame_where_it_is(long_m: float, telling: int) -> None:
-    short, long = (0.5, 0.0, 2.0, 0.0), (0.0, -1.0, long_m, -1.0)
+def test_long_walls_alone_tell_a_frame_where_it_is(
+    long_m: float, short_m: float, telling: int
+) -> None:
+    """In a large room, and in a small one."""
+    short, long = (0.5, 0.0, 0.5 + short_m, 0.0), (0.0, -1.0, long_m, -1.0)
     walls, _ = walls_of(*(frame_of(0.1 * k, short, long) for k in range(20)))
     assert len(walls.records()) == 2
     segments = walls.landmarks()
@@ -148,3 +152,71 @@ def test_a_face_of_a_thing_that_was_seen_round_is_no_new_wall(
     for _ in range(20):
         objects.update(world.frame(0.5, 0.4, 0.0))
     assert len(objects.walls.records()) == 1
+
+
+def test_walls_that_meet_at_a_slight_angle_stay_two() -> None:
+    """Seen from their far ends on, each some centimetres too far."""
+    out, frames = np.array([np.cos(np.radians(4.0)), np.sin(np.radians(4.0))]), []
+    for k in range(60):
+        ends = np.array([4.5, 0.0]) + max(3.0 - 0.1 * k, -0.05) * out, [4.5, 0.0] + 4.5 * out
+        frames.append(
+            frame_of(0.1 * k, (0.0, 0.0, min(1.5 + 0.1 * k, 4.55), 0.0), (*ends[0], *ends[1]))
+        )
+    walls, gone = walls_of(*frames)
+    assert (len(walls.records()), gone) == (2, [])
+
+
+def seen_round(*things: Thing) -> tuple[World, ObjectMap]:
+    """A map that has these, and a world that has them no more: what follows stands for them."""
+    world, objects = World([]), ObjectMap(SETTINGS)
+    known = [
+        MapObject(
+            k, one.outline, 0.0, one.top_m, 0.0, 0.0, 255, np.ones(4, dtype=bool), 1.0, "static"
+        )
+        for k, one in enumerate(things, start=1)
+    ]
+    objects.start_from(known, [], 0.0)
+    return world, objects
+
+
+@pytest.mark.parametrize("gap_m", [0.12, 0.25])
+def test_a_plane_along_two_things_makes_them_neither_one_nor_taller(gap_m: float) -> None:
+    off = 0.5 * (1.0 + gap_m)
+    low, tall = box(3.0, -off, 0.6, 1.0), box(3.0, off, 0.6, 1.0, top_m=1.5)
+    world, objects = seen_round(low, tall)
+    before = {one.id: one for one in objects.objects()}
+    world.walls = np.array([[2.7, -off - 0.5, 2.7, off + 0.5]])
+    for _ in range(60):
+        objects.update(world.frame(0.9, 0.0, 0.0))
+    after = {one.id: one for one in objects.objects()}
+    assert set(after) == set(before)
+    for number, one in after.items():
+        assert one.top_m == pytest.approx(before[number].top_m, abs=0.01)
+        assert np.ptp(one.polygon[:, 1]) < 1.05
+
+
+def test_what_a_plane_has_beyond_a_thing_is_told_and_kept() -> None:
+    world, objects = seen_round(box(3.0, 0.0, 0.6, 1.2))
+    world.walls = np.array([[2.7, -0.6, 2.7, 0.95]])
+    for _ in range(8):
+        update = objects.update(world.frame(1.0, 0.2, 0.0))
+        known = [one.polygon for one in update.obstacles]
+        known += [one.polygon for one in objects.objects()]
+        assert max(float(polygon[:, 1].max()) for polygon in known) > 0.9
+    for _ in range(40):
+        world.walk()
+        objects.update(world.frame(1.0, 0.2, 3.1))
+    known = [one.polygon for one in objects.objects()] + [
+        w.segments.reshape(-1, 2) for w in objects.walls.records()
+    ]
+    assert max(float(polygon[:, 1].max()) for polygon in known) > 0.9
+
+
+def test_a_wall_in_line_with_a_thing_becomes_a_wall_as_it_is_seen_bit_by_bit() -> None:
+    world, objects = seen_round(box(3.0, 0.0, 0.6, 1.2))
+    for end_m in np.arange(0.7, 3.2, 0.1):
+        world.walls = np.array([[2.7, -0.6, 2.7, end_m]])
+        for _ in range(20):
+            objects.update(world.frame(0.0, 1.2, 0.0))
+    assert objects.walls.records()
+    assert max(float(np.ptp(one.polygon[:, 1])) for one in objects.objects()) < 1.6

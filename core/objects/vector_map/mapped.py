@@ -135,8 +135,8 @@ class Mapped:
         cut = cell * along[good] / lengths[good, None]
         return np.hstack([self.polygon[good] + cut, ends[good] - cut])
 
-    def is_round(self, depth_m: float) -> bool:
-        """Whether it was seen from more than one side: most of its outline, and with depth."""
+    def was_seen_round(self, depth_m: float) -> bool:
+        """Whether most of its outline was seen, and it is somewhere so deep: a wall's face is not."""
         outline = shapely.Polygon(self.polygon)
         lengths = np.hypot(*(np.roll(self.polygon, -1, axis=0) - self.polygon).T)
         is_seen = float(lengths[self.finished].sum()) > SEEN_ROUND * outline.length

@@ -152,7 +152,7 @@ class ObjectMap:
             if length_m <= margin_m or self.walls.is_known(segment):
                 continue
             near = self._index.near(box_of(segment.reshape(2, 2), margin_m))
-            things = [one for n in near if (one := self._objects[n]).is_round(FLAT_M)]
+            things = [one for n in near if (one := self._objects[n]).was_seen_round(FLAT_M)]
             faces, rest = parted(segment, [one.polygon for one in things], margin_m)
             if sum(math.dist(*ends) for ends in rest) >= (1.0 - OF_THINGS) * length_m:
                 continue

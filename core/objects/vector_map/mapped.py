@@ -136,7 +136,7 @@ class Mapped:
         return np.hstack([self.polygon[good] + cut, ends[good] - cut])
 
     def was_seen_round(self, depth_m: float) -> bool:
-        """Whether most of its outline was seen, and it is somewhere so deep: a wall's face is not."""
+        """Whether most of its outline was seen, and it is so deep somewhere; a face is not."""
         outline = shapely.Polygon(self.polygon)
         lengths = np.hypot(*(np.roll(self.polygon, -1, axis=0) - self.polygon).T)
         is_seen = float(lengths[self.finished].sum()) > SEEN_ROUND * outline.length

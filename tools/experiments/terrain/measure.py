@@ -62,19 +62,18 @@ def _median(values: F64) -> float:
 def _edge_m(at_m: F64, profile_m: F64, half_m: float) -> float:
     """Where a profile, from inside of a box outwards, ends to be above a height; NaN: nowhere.
 
-    In a straight line to the next cell, where that is known; else it is the outer edge of the cell:
-    a shadow is no part of a box.
+    In a straight line to the next cell, where that is known; else it is the middle of the last one:
+    how much of a cell is box is not known where the rest lies in its shadow, half of it in the mean.
     """
     known = np.flatnonzero(np.isfinite(profile_m))
     below = known[profile_m[known] < half_m]
     if not below.size or below[0] == known[0]:
         return math.nan
     last, end = int(known[known < below[0]][-1]), int(below[0])
-    outwards_m = float(at_m[1] - at_m[0])
     if end != last + 1:
-        return float(at_m[last] + outwards_m / 2)
+        return float(at_m[last])
     share = (profile_m[last] - half_m) / (profile_m[last] - profile_m[end])
-    return float(at_m[last] + share * outwards_m)
+    return float(at_m[last] + share * (at_m[end] - at_m[last]))
 
 
 def width_and_height_m(heights_m: F64, region: Region, box: Solid) -> tuple[float, float]:

@@ -96,11 +96,11 @@ class PartsParser:
         if end < 0:
             if len(self._buffer) < MOST_HEAD:
                 return False
-            return self._skip(events, "a part without an end of its headers")
+            return self._skip(now_s, events, "a part without an end of its headers")
         fields = fields_of(bytes(self._buffer[len(MARK) : end]))
         self._length = _whole(fields.get("content-length", ""))
         if not 0 < self._length <= self._most:
-            return self._skip(events, "a part whose length is missing, or can't be")
+            return self._skip(now_s, events, "a part whose length is missing, or can't be")
         del self._buffer[: end + len(END)]
         self._maybe_fields = fields
         return True
@@ -112,7 +112,7 @@ class PartsParser:
             return False
         self._maybe_fields = None
         if self._buffer[length : length + 2] != b"\r\n":
-            self._skip(events, "a part that does not end where it says", 0)
+            self._skip(now_s, events, "a part that does not end where it says", 0)
             return True
         data, number = bytes(self._buffer[:length]), _whole(fields.get("x-number", ""))
         stamp_s = maybe_stamp_s(fields.get("x-timestamp", ""))
@@ -122,10 +122,13 @@ class PartsParser:
         self._began_s = now_s
         return True
 
-    def _skip(self, events: list[Part | BadFrame], reason: str, begin: int = 1) -> bool:
+    def _skip(
+        self, now_s: float, events: list[Part | BadFrame], reason: str, begin: int = 1
+    ) -> bool:
         """Drop all before the next boundary that may be one."""
         at = self._buffer.find(MARK, begin)
         at = at if at >= 0 else max(begin, len(self._buffer) - len(MARK) + 1)
         events.append(BadFrame(reason, bytes(self._buffer[:at][:SHOWN])))
         del self._buffer[:at]
+        self._began_s = now_s
         return True

@@ -132,8 +132,10 @@ class CameraPort(ReopeningPort):
             self._opening = self._worker.submit(partial(open_camera, self._url, self._kernel))
         if not self._opening.done():
             return False
-        opening, self._opening = self._opening, None
-        self._camera = opening.result()
+        try:
+            self._camera = self._opening.result()
+        finally:  # here, for a local name of it and its error would keep each other for ever
+            self._opening = None
         self._arrivals = select.epoll()
         self._arrivals.register(self._camera.fd, select.EPOLLIN)
         self._request.begin()

@@ -9,9 +9,11 @@ closed, and stays so. A thread reads the files.
 import contextlib
 import csv
 import ctypes
+import io
 import math
 import os
 import select
+import stat
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -23,51 +25,74 @@ from hw.runtime.threads import Worker
 TIMES, CAMERA = "times.csv", "camera.toml"
 CAMERA_KIND, MOST_CAMERA = "application/toml", 4096
 MOST_BYTES = 512 * 1024 * 1024  # of all images: they are kept in memory
+MOST_TIMES = 16 * 1024 * 1024  # of times.csv
+MOST_S = 1e6  # from the first image to the last
 CLOCK_MONOTONIC, TIMER_ABSTIME = 1, 1
 TIMER_FLAGS = os.O_NONBLOCK | os.O_CLOEXEC
 Images = list[tuple[float, bytes]]  # seconds after the first one, and a file
 
 
-def images_of(folder: Path) -> Images:
-    """All that times.csv names.
+def size_of(path: Path) -> int:
+    """Bytes of a file. Raises ValueError: it is not there, or is a pipe, whose reader may wait."""
+    try:
+        found = path.stat()
+    except OSError as error:
+        raise ValueError(f"{path.name}: {error.strerror}") from None
+    if not stat.S_ISREG(found.st_mode):
+        raise ValueError(f"{path.name} is no file")
+    return found.st_size
 
-    Raises:
-        OSError: something is not there.
-        ValueError: it can't be played; says why.
-    """
-    images: Images = []
+
+def read_within(path: Path, most: int) -> bytes:
+    """All of a file. Raises ValueError: it can't be read, is none, or is too large."""
+    if (size := size_of(path)) > most:
+        raise ValueError(f"{path.name} must be of {most} bytes or fewer, is of {size}")
+    try:
+        with open(path, "rb") as file:
+            return file.read(most)
+    except OSError as error:
+        raise ValueError(f"{path.name}: {error.strerror}") from None
+
+
+def _rows_of(times: bytes) -> list[list[str]]:
+    try:
+        return list(csv.reader(io.StringIO(times.decode("utf-8-sig"), newline="")))
+    except csv.Error as error:
+        raise ValueError(f"{TIMES} is no table: {error}") from None
+
+
+def images_of(folder: Path) -> Images:
+    """All that times.csv names. Raises ValueError: it can't be played; says why."""
+    names: list[tuple[float, str]] = []
     first_s, size = math.nan, 0
-    with open(folder / TIMES, encoding="utf-8", newline="") as file:
-        for number, row in enumerate(csv.reader(file), 1):
-            try:
-                name, t_s = row[0], float(row[1])
-            except (ValueError, IndexError):
-                name, t_s = "", math.nan
-            if not name or not math.isfinite(t_s):
-                raise ValueError(
-                    f"{TIMES}, line {number}: needs file,seconds; is {','.join(row)!r}"
-                )
-            if images and t_s - first_s < images[-1][0]:
-                raise ValueError(f"{TIMES}, line {number}: {t_s:g} s is before the line above")
-            first_s = first_s if images else t_s
-            data = (folder / name).read_bytes()
-            size += len(data)
-            if size > MOST_BYTES:
-                raise ValueError(f"has more than {MOST_BYTES >> 20} MiB of images: play fewer")
-            images.append((t_s - first_s, data or DAMAGED))
-    if not images:
+    for number, row in enumerate(_rows_of(read_within(folder / TIMES, MOST_TIMES)), 1):
+        try:
+            name, t_s = row[0], float(row[1])
+        except (ValueError, IndexError):
+            name, t_s = "", math.nan
+        first_s = first_s if names else t_s
+        at_s = t_s - first_s
+        if not name or not math.isfinite(t_s):
+            raise ValueError(f"{TIMES}, line {number}: needs file,seconds; is {','.join(row)!r}")
+        if at_s > MOST_S:
+            raise ValueError(
+                f"{TIMES}, line {number}: is {at_s:g} s after the first, over {MOST_S:g}"
+            )
+        if names and at_s < names[-1][0]:
+            raise ValueError(f"{TIMES}, line {number}: {t_s:g} s is before the line above")
+        size += size_of(folder / name)
+        if size > MOST_BYTES:
+            raise ValueError(f"has more than {MOST_BYTES >> 20} MiB of images: play fewer")
+        names.append((at_s, name))
+    if not names:
         raise ValueError(f"{TIMES} names no image")
-    return images
+    return [(at_s, read_within(folder / name, MOST_BYTES) or DAMAGED) for at_s, name in names]
 
 
 def maybe_camera_of(folder: Path) -> bytes:
-    """What is said of the lens; b"": nothing. Raises OSError, ValueError: it can't be read."""
+    """What is said of the lens; b"": nothing. Raises ValueError: it can't be read."""
     path = folder / CAMERA
-    if not path.exists():
-        return b""
-    if (size := path.stat().st_size) > MOST_CAMERA:
-        raise ValueError(f"{CAMERA} must be of {MOST_CAMERA} bytes or fewer, is of {size}")
-    return path.read_bytes()
+    return read_within(path, MOST_CAMERA) if path.exists() else b""
 
 
 class Timer:
@@ -116,8 +141,10 @@ class FolderPort(ReopeningPort):
             self._opening = self._worker.submit(self._read_all)
         if not self._opening.done():
             return False
-        opening, self._opening = self._opening, None
-        self._camera, self._images = opening.result()
+        try:
+            self._camera, self._images = self._opening.result()
+        finally:  # here, for a local name of it and its error would keep each other for ever
+            self._opening = None
         self._next, self._begun_s = 0, math.nan
         self._timer = Timer()
         self._request.begin()
@@ -154,6 +181,9 @@ class FolderPort(ReopeningPort):
         if self._is_polled:
             return self._now_s >= self._due_s()
         return self._next > 0 and self._timer.is_due()
+
+    def reopen(self, cause: str) -> None:
+        """What is silent is the recording: it goes on at its next image."""
 
     def _send(self, data: bytes) -> int:
         self._owes_head |= self._request.take(data)

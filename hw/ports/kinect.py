@@ -120,8 +120,10 @@ class KinectPort(ReopeningPort):
                 self._opening = self._worker.submit(partial(started, self._url))
             if not self._opening.done():
                 return False
-            opening, self._opening = self._opening, None
-            self._reader, self._begun_s = opening.result(), self._now_s
+            try:
+                self._reader, self._begun_s = self._opening.result(), self._now_s
+            finally:  # here, for a local name of it and its error would keep each other for ever
+                self._opening = None
         try:
             self._first = os.read(self._reader.fd, READ_BYTES)
         except BlockingIOError:
@@ -146,6 +148,11 @@ class KinectPort(ReopeningPort):
                 return
             pieces.append(piece)
             read += len(piece)
+
+    def reopen(self, cause: str) -> None:
+        """A dump goes on at its next frame, however long that takes."""
+        if self._url.kind == "kinect":
+            super().reopen(cause)
 
     def _send(self, data: bytes) -> int:
         return len(data)

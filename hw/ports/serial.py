@@ -141,8 +141,10 @@ class SerialPort(ReopeningPort):
             self._opening = self._worker.submit(partial(open_line, self._url, OPEN_LINE))
         if not self._opening.done():
             return False
-        opening, self._opening = self._opening, None
-        self._line = opening.result()
+        try:
+            self._line = self._opening.result()
+        finally:  # here, for a local name of it and its error would keep each other for ever
+            self._opening = None
         self._fd, self._gathers = self._line.fileno(), 0
         self._arrivals = select.epoll()
         self._arrivals.register(self._fd, select.EPOLLIN | select.EPOLLET)

@@ -97,6 +97,7 @@ class Worker:
                 future.set_result(call())
             except BaseException as error:  # noqa: BLE001  raised where the result is taken
                 future.set_exception(error)
+            del given, future, call  # what they hold is let go of, not kept until the next call
 
 
 class LogWriter:

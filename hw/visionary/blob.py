@@ -24,6 +24,7 @@ START_BYTES = 19  # of that pattern
 FIRST, BASE = 28, 11  # the first offset; and from where offsets count
 SEGMENTS, VERSION, TYPE, END = 3, 1, 0x62, 0x45
 MOST_BYTES = 4 << 20  # of a message; the greatest known, of a Visionary-S, has 2.6 MB
+MOST_SIZE = MOST_BYTES + 9  # with what its length does not count
 MOST_XML = 1 << 16
 SHOWN = 64  # bytes of what is refused, which are kept for a person
 NO_END = "a message without its end"
@@ -58,21 +59,21 @@ def fault_of_head(head: bytes | bytearray) -> str:
 
 
 class BlobParser:
-    """Takes a stream cut anywhere; after damage it goes on at the next start.
+    """Takes a stream cut anywhere; after damage it goes on at the next start that may be one.
 
-    A byte is moved at most twice, whatever comes.
+    Bytes are moved once for each MOST_SIZE of them that were looked at, whatever comes.
     """
 
     def __init__(self) -> None:
-        self._buffer, self._spare = bytearray(MOST_BYTES + 9), bytearray(MOST_BYTES + 9)
+        self._buffer, self._spare = bytearray(2 * MOST_SIZE), bytearray(2 * MOST_SIZE)
         self.begin()
 
     def begin(self) -> None:
         """A new connection: what has come of a frame is of no use."""
-        self._filled = self._size = 0  # bytes in the buffer; of the message at its begin, if known
+        self._at = self._end = 0  # in the buffer: what is not looked at yet
+        self._size = 0  # bytes of the message that begins there, if known
         self._began_s = self._read_s = 0.0
         self._maybe_tail: bytes | None = None  # while a start is looked for: the newest bytes
-        self._is_second_look = False  # the frame coming in was found within a damaged one
 
     def feed(self, now_s: float, data: bytes) -> list[Blob | BadFrame]:
         """The frames that these bytes complete; an event where the stream ceases to be frames."""
@@ -82,16 +83,20 @@ class BlobParser:
             if self._maybe_tail is not None:
                 given = self._hunt(self._maybe_tail + given)
                 continue
-            if not self._filled:
+            if self._at == self._end:
                 self._began_s = now_s
-            wanted = (self._size or HEAD.size) - self._filled
+            wanted = self._wanted - (self._end - self._at)
             taken = given[:wanted]
-            self._buffer[self._filled : self._filled + len(taken)] = taken
-            self._filled += len(taken)
+            self._buffer[self._end : self._end + len(taken)] = taken
+            self._end += len(taken)
             given = given[len(taken) :]
             if len(taken) == wanted:
                 self._look(events)
         return events
+
+    @property
+    def _wanted(self) -> int:
+        return self._size or HEAD.size
 
     def _hunt(self, window: bytes) -> memoryview:
         """From where a message may begin; nothing of it if none does."""
@@ -104,51 +109,51 @@ class BlobParser:
 
     def _look(self, events: list[Blob | BadFrame]) -> None:
         """All that was wanted is there: a head, or a whole message."""
-        while self._filled >= (self._size or HEAD.size):
+        while self._end - self._at >= self._wanted:
             if self._size:
                 self._whole(events)
                 continue
-            head = self._buffer[: HEAD.size]
+            head = self._buffer[self._at : self._at + HEAD.size]
             if why := fault_of_head(head):
                 self._resume(events, why)
             else:
                 self._size = int.from_bytes(head[4:8], "big") + 9
+        if self._at + MOST_SIZE > len(self._buffer):
+            self._move()
 
     def _whole(self, events: list[Blob | BadFrame]) -> None:
-        size, buffer = self._size, self._buffer
-        if buffer[size - 1] != END:
-            if self._is_second_look:
-                events.append(BadFrame(NO_END, bytes(buffer[:SHOWN])))
-                self._keep_from(size)
-            else:
-                self._resume(events, NO_END)
-                self._is_second_look = self._filled > 0
+        at, size, buffer = self._at, self._size, self._buffer
+        if buffer[at + size - 1] != END:
+            self._resume(events, NO_END)
             return
-        _, _, _, _, _, _, change, second, _, third, _ = HEAD.unpack_from(buffer)
-        data = memoryview(buffer)[:size].toreadonly()
+        _, _, _, _, _, _, change, second, _, third, _ = HEAD.unpack_from(buffer, at)
+        data = memoryview(buffer)[at : at + size].toreadonly()
         xml, binary = data[BASE + FIRST : BASE + second], data[BASE + second : BASE + third]
         events.append(Blob(data, change, xml, binary, self._began_s, self._read_s))
-        left = self._filled - size
-        self._spare[:left] = memoryview(buffer)[size : self._filled]
-        self._buffer, self._spare = self._spare, buffer
-        self._begin_at(left)
+        self._begin_at(at + size)
+        if self._at == self._end:  # as nearly always
+            self._move()
 
     def _resume(self, events: list[Blob | BadFrame], why: str) -> None:
-        """Drop what comes before the next start that may be one."""
-        events.append(BadFrame(why, bytes(self._buffer[:SHOWN])))
-        found = START.search(self._buffer, 1, self._filled)
-        if found:
-            self._keep_from(found.start())
-            return
-        first = max(1, self._filled - START_BYTES + 1)
-        self._maybe_tail = bytes(self._buffer[first : self._filled])
-        self._begin_at(0)
+        """Go on at the next start that may be one: what begins with a head without a fault."""
+        buffer, end = self._buffer, self._end
+        events.append(BadFrame(why, bytes(buffer[self._at : min(end, self._at + SHOWN)])))
+        at = self._at
+        while found := START.search(buffer, at + 1, end):
+            at = found.start()
+            if end - at < HEAD.size or not fault_of_head(buffer[at : at + HEAD.size]):
+                self._begin_at(at)
+                return
+        self._maybe_tail = bytes(buffer[max(self._at + 1, end - START_BYTES + 1) : end])
+        self._begin_at(end)
+        self._move()
 
-    def _keep_from(self, at: int) -> None:
-        left = self._filled - at
-        self._buffer[:left] = self._buffer[at : self._filled]
-        self._begin_at(left)
+    def _move(self) -> None:
+        """What is not looked at yet to the other buffer: frames that were told stay in this one."""
+        left = self._end - self._at
+        self._spare[:left] = memoryview(self._buffer)[self._at : self._end]
+        self._buffer, self._spare = self._spare, self._buffer
+        self._at, self._end = 0, left
 
-    def _begin_at(self, left: int) -> None:
-        self._filled, self._size, self._is_second_look = left, 0, False
-        self._began_s = self._read_s
+    def _begin_at(self, at: int) -> None:
+        self._at, self._size, self._began_s = at, 0, self._read_s

@@ -22,10 +22,11 @@ from hw.visionary.options import Level
 SESSION_S = 30  # without a question, after which the camera forgets us
 ANSWER_S = 1.0
 CLIENT = "mapod"
-UNKNOWN_VARIABLE, UNDERFLOW, DENIED, NO_ROOM, NO_SESSION = 0x03, 0x08, 0x0A, 0x21, 0x22
+ACCESS_DENIED, UNKNOWN_METHOD, UNKNOWN_VARIABLE = 0x01, 0x02, 0x03
+UNDERFLOW, DENIED, NO_ROOM, NO_SESSION = 0x08, 0x0A, 0x21, 0x22
 ERRORS = {
-    0x01: "access is denied",
-    0x02: "it knows no such method",
+    ACCESS_DENIED: "access is denied",
+    UNKNOWN_METHOD: "it knows no such method",
     UNKNOWN_VARIABLE: "it knows no such variable",
     0x04: "a value is out of its range",
     0x05: "its data is not valid",
@@ -114,20 +115,21 @@ class Conversation:
             self._session, self.is_open = reply.session, True
 
     def log_in(self, level: Level, password: str) -> Steps[str]:
-        """Why it was refused, in words; "" if not."""
-        return (
-            yield from (self._by_challenge if self._is_cola_2 else self._by_hash)(level, password)
-        )
+        """Why it was refused, in words; "" if not. Newer firmware has no log-in by hash alone."""
+        if not self._is_cola_2:
+            reply = yield from self._by_hash(level, password)
+            if reply.letters != "FA":
+                return "" if reply.data[:1] == b"\x01" else REFUSALS[2]
+            if reply.error not in (ACCESS_DENIED, UNKNOWN_METHOD):
+                return describe_error(reply.error)
+        return (yield from self._by_challenge(level, password))
 
     def log_out(self) -> Steps[None]:
         yield from self.must("MN", "Run")
 
-    def _by_hash(self, level: Level, password: str) -> Steps[str]:
+    def _by_hash(self, level: Level, password: str) -> Steps[Reply]:
         data = bytes([LEVELS[level][0]]) + password_hash(password).to_bytes(4, "big")
-        reply = yield from self.ask("MN", "SetAccessMode", data)
-        if reply.letters == "FA":
-            return describe_error(reply.error)
-        return "" if reply.data[:1] == b"\x01" else REFUSALS[2]
+        return (yield from self.ask("MN", "SetAccessMode", data))
 
     def _by_challenge(self, level: Level, password: str) -> Steps[str]:
         """By the older form if the camera gives a challenge unasked for which level."""

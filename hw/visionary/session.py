@@ -13,6 +13,7 @@ Source: visionary sheet, sections 2 to 4 and 8.
 """
 
 import enum
+import math
 
 from hw.device import DeviceStatus, Port, Reopens, Session
 from hw.exchange import Exchange, StartAgainError, Steps
@@ -28,6 +29,7 @@ CONNECT_S = 3.0  # for the stream to open
 POLL_S = 1.0  # between questions: well below the session's time, and below a port's patience
 LOST_PERIODS, LEAST_SILENCE_S = 10, 0.5
 PAUSE_S, LONGEST_PAUSE_S = 0.1, 0.5
+LOGIN_S = 30.0  # from a log-in that was refused to the next: cameras lock who tries too often
 STREAM_PORT, STREAM_PORTS = 2114, range(1025, 65536)
 BY_UDP = 1
 ASKED = {  # in turn while it streams, and their bytes; what a camera does not know is left out
@@ -57,6 +59,7 @@ class Known:
         self.complaint = ""  # why the newest one is not
         self.identity = self.remark = ""  # what it is; what is not as it was set
         self.told: dict[str, int] = {}  # of what it was asked for
+        self.refused, self.login_s = "", -math.inf  # why the last log-in was; from when on again
 
 
 class VisionarySession:
@@ -98,7 +101,7 @@ class VisionarySession:
             self._exchange.succeed()
 
     def _identify(self) -> Steps[None]:
-        texts = texts_of((yield from self.talk.must("RN", "DeviceIdent")).data)
+        texts = texts_of((yield from self.talk.maybe_read("DeviceIdent")) or b"")
         serial = texts_of((yield from self.talk.maybe_read("SerialNumber")) or b"")
         named = ("", "firmware ")
         told = [f"{what}{text}" for what, text in zip(named, texts, strict=False) if text]
@@ -151,7 +154,11 @@ class VisionarySession:
         level, password = self._options.level, self._options.password
         if level == "none":
             return 'level is "none", so nothing is set'
+        known = self._known
+        if self._exchange.now_s < known.login_s:
+            return known.refused
         if refused := (yield from self.talk.log_in(level, password)):
+            known.refused, known.login_s = refused, self._exchange.now_s + LOGIN_S
             return refused
         for name, data in wanted.items():
             reply = yield from self.talk.ask("WN", name, data)
@@ -179,8 +186,8 @@ class VisionarySession:
         reply = yield from self.talk.ask("RN", name)
         if reply.letters == "FA" and reply.error == NO_SESSION:
             yield from self.talk.open()
-        elif reply.letters != "FA":
-            self._known.told[name] = int.from_bytes(reply.data[:size], "big")
+        elif reply.letters != "FA" and len(reply.data) == size:
+            self._known.told[name] = int.from_bytes(reply.data, "big")
         if reply.error != UNKNOWN_VARIABLE:
             self._asked[name] = size
         if not self._asked:

@@ -53,6 +53,15 @@ def test_a_length_that_cannot_be_waits_for_nothing() -> None:
     assert [type(one) for one in endless.feed(1.0, MARK + b"a" * MOST_HEAD)] == [BadFrame]
 
 
+def test_what_follows_a_part_that_was_cut_began_when_that_was_found() -> None:
+    parser, whole = PartsParser(100), part(b"whole", None)
+    assert parser.feed(1.0, part(b"a part that is cut", None)[:-9]) == []
+    _, one, other = parser.feed(1.5, whole + whole)
+    assert isinstance(one, Part)
+    assert isinstance(other, Part)
+    assert (one.began_s, other.began_s) == (1.5, 1.5)
+
+
 @given(st.lists(st.binary(max_size=64) | st.just(MARK) | st.just(b"Content-Length: 3\r\n\r\n")))
 def test_no_bytes_make_the_parser_raise_or_fill(pieces: list[bytes]) -> None:
     parser = PartsParser(100)

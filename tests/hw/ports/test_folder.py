@@ -1,5 +1,7 @@
 """A folder of images, played at its times as a web camera would send them."""
 
+import gc
+import os
 import select
 from pathlib import Path
 
@@ -78,12 +80,51 @@ def test_what_is_said_of_the_lens_comes_first(tmp_path: Path) -> None:
         ("0.jpg,soon\n", "times.csv, line 1: needs file,seconds; is '0.jpg,soon'"),
         ("0.jpg,1\n1.jpg,nan\n", "line 2: needs file,seconds"),
         ("0.jpg,1\n1.jpg,0.5\n", "line 2: 0.5 s is before the line above"),
-        ("none.jpg,1\n", "no such device"),
+        ("none.jpg,1\n", "none.jpg: No such file or directory"),
+        ("pipe.jpg,1\n", "pipe.jpg is no file"),
+        ("huge.jpg,1\n", "has more than 512 MiB of images: play fewer"),
+        ("0.jpg,0\n1.jpg,1e300\n", "times.csv, line 2: is 1e+300 s after the first, over 1e+06"),
+        ("0.jpg,-1e308\n1.jpg,1e308\n", "times.csv, line 2: is inf s after the first, over 1e+06"),
+        ("0.jpg,1\n" + 200_000 * "x", "times.csv is no table: field larger than field limit"),
     ],
 )
 def test_what_cannot_be_played_is_told(tmp_path: Path, lines: str, cause: str) -> None:
+    os.mkfifo(tmp_path / "pipe.jpg")
+    with open(tmp_path / "huge.jpg", "wb") as huge:
+        huge.truncate(1 << 42)
     port = folder_of(tmp_path, lines)
     assert cause in port.cause
+    port.close()
+
+
+def test_a_mark_that_some_editors_put_before_a_text_is_no_part_of_a_name(tmp_path: Path) -> None:
+    port = folder_of(tmp_path, "\ufeff0.jpg,0\n")
+    assert port.cause == ""
+    port.close()
+
+
+def test_a_gap_between_two_images_is_no_reason_to_begin_anew(tmp_path: Path) -> None:
+    port = folder_of(tmp_path, "0.jpg,0\n1.jpg,0.1\n2.jpg,5\n")
+    reader = Reader(port)
+    port.write(encode_request("camera", "/"))
+    given = [one for k in range(3) for one in reader.at(START_S + 0.1 * k)]
+    port.reopen("no image for 0.5 s")
+    port.write(encode_request("camera", "/"))
+    given += [one for k in range(60) for one in reader.at(START_S + 0.3 + 0.1 * k)]
+    assert [one.data for one in given if isinstance(one, Jpeg)] == IMAGES
+    port.close()
+
+
+def test_what_fails_to_open_again_and_again_leaves_nothing_behind(tmp_path: Path) -> None:
+    port = folder_of(tmp_path, "none.jpg,1\n")
+    gc.collect()
+    gc.disable()  # as in the app
+    try:
+        for k in range(1, 6):
+            until(lambda at_s=START_S + 10.0 * k: port.poll(at_s) or port._retry_s > at_s)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
     port.close()
 
 

@@ -111,6 +111,8 @@ def test_a_process_ends_with_its_port(dump: tuple[Path, list[U16]]) -> None:
     assert isinstance(port, KinectPort)
     until(lambda: port.poll(START_S))
     assert isinstance(port._reader, Reader)
+    port.reopen("no image for 0.5 s")  # a gap in the dump
+    assert port.poll(START_S)
     pid = port._reader._process.pid
     assert port.fileno() >= 0
     port.close()

@@ -76,6 +76,37 @@ def test_what_is_damaged_is_named_and_the_next_is_whole(damaged: bytes, reason: 
     assert fed(damaged + T_MINI + S) == [reason, T_MINI, S]
 
 
+@pytest.mark.parametrize("cuts", [(700, 900), (900, 700), (40, 41, 1400)])
+def test_a_whole_message_behind_several_that_are_cut_is_not_lost(cuts: tuple[int, ...]) -> None:
+    found = fed(b"".join(T_MINI[:cut] for cut in cuts) + T_MINI + S)
+    assert [one for one in found if isinstance(one, bytes)] == [T_MINI, S]
+
+
+class Counting(BlobParser):
+    """Counts the bytes that it moves."""
+
+    moved = 0
+
+    def _move(self) -> None:
+        self.moved += self._end - self._at
+        super()._move()
+
+
+FALSE_HEAD = T_MINI[:4] + (60).to_bytes(4, "big") + T_MINI[8:19] + bytes([0, 0, 0, 1])
+FALSE_HEAD += b"".join(n.to_bytes(4, "big") for n in (40, 1, 50, 1)) + b"F" * 34
+
+
+@pytest.mark.parametrize("false", [T_MINI[:19], FALSE_HEAD])
+def test_starts_that_are_none_are_looked_at_once_each(false: bytes) -> None:
+    parser, seen = Counting(), 0
+    stream = changed(4, MOST_BYTES.to_bytes(4, "big"))[:300]
+    stream += false * ((MOST_BYTES + 100) // len(false)) + T_MINI * 3
+    for at in range(0, len(stream), 60_000):
+        seen += sum(isinstance(one, Blob) for one in parser.feed(0.0, stream[at : at + 60_000]))
+    assert seen == 3
+    assert parser.moved <= 2 * len(stream)
+
+
 def test_a_frame_stays_as_it_is_while_the_next_one_comes() -> None:
     parser = BlobParser()
     (first,) = parser.feed(0.0, T_MINI + S[:1000])

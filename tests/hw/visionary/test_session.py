@@ -8,10 +8,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fakes.visionary.control import Desk
 from fakes.visionary.models import KINDS, Model
 from hw.visionary.camera import BLIND
 from hw.visionary.frames import SAME_NUMBER, SAME_PICTURE
-from hw.visionary.session import ASKED, CONNECT_S, LEAST_SILENCE_S, LOST_PERIODS, State
+from hw.visionary.session import (
+    ASKED,
+    CONNECT_S,
+    LEAST_SILENCE_S,
+    LOGIN_S,
+    LOST_PERIODS,
+    State,
+)
 from hw.visionary.times import FORGET_S
 from tests.support.devices.bench_visionary import Bench, points_of
 
@@ -83,6 +91,31 @@ def test_the_older_login_and_other_variants_are_known() -> None:
     assert bench.numbers == [2114]
 
 
+def test_a_camera_of_the_older_protocol_may_know_the_newer_login_alone() -> None:
+    bench = Bench("s")
+    bench.fake.unknown = "SetAccessMode"
+    bench.fake.memory.written["BlobTransportProtocolAPI"] = b"\x01"
+    assert bench.run(1.0)
+    assert bench.fake.memory.written["BlobTransportProtocolAPI"] == b"\x00"
+
+
+def test_a_password_that_was_refused_is_not_tried_again_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bench, tried, desk = Bench(password="wrong"), list[str](), Desk._login
+    bench.fake.memory.written["BlobTransportProtocolAPI"] = b"\x01"
+
+    def login(self: Desk, name: str, data: bytes, session: Any) -> bytes | int:
+        tried.append(name)
+        return desk(self, name, data, session)
+
+    monkeypatch.setattr(Desk, "_login", login)
+    bench.run(0.9 * LOGIN_S)
+    assert tried.count("SetUserLevel") == 1
+    bench.run(0.2 * LOGIN_S)
+    assert tried.count("SetUserLevel") == 2
+
+
 def test_the_stream_is_looked_for_where_the_camera_has_it() -> None:
     bench = Bench()
     bench.fake.memory.written["BlobTcpPortAPI"] = (4711).to_bytes(2, "big")
@@ -123,6 +156,9 @@ def test_an_answer_to_another_request_is_a_fault_of_the_stream() -> None:
 
 
 def test_variants_that_lack_what_is_asked_keep_their_session() -> None:
+    nameless = Bench()
+    nameless.fake.unknown = "DeviceIdent"
+    assert nameless.run(0.8)
     bench = begun()
     for name in ASKED:
         bench.fake.unknown = name
@@ -335,7 +371,7 @@ def test_a_camera_that_refuses_all_is_asked_again_and_says_why() -> None:
     bench.fake.refuse = 0x0D
     bench.run(3.0)
     assert bench.told[0] == "starting"
-    assert "the camera refuses DeviceIdent: it is busy (error D)" in bench.told[1]
+    assert "the camera refuses PLAYSTOP: it is busy (error D)" in bench.told[1]
     assert len(bench.fake.desk.sessions) <= 1  # each attempt ends its own
     bench.fake.refuse = 0
     assert bench.run(BACK_S)

@@ -3,6 +3,7 @@
 import gc
 import os
 import select
+import time
 from pathlib import Path
 
 import pytest
@@ -121,7 +122,9 @@ def test_what_fails_to_open_again_and_again_leaves_nothing_behind(tmp_path: Path
     gc.disable()  # as in the app
     try:
         for k in range(1, 6):
-            until(lambda at_s=START_S + 10.0 * k: port.poll(at_s) or port._retry_s > at_s)
+            at_s = START_S + 10.0 * k
+            while not port.poll(at_s) and port._retry_s <= at_s:
+                time.sleep(0.001)
         assert gc.collect() == 0
     finally:
         gc.enable()

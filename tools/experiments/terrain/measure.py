@@ -63,7 +63,7 @@ def _edge_m(at_m: F64, profile_m: F64, half_m: float) -> float:
     """Where a profile, from inside of a box outwards, ends to be above a height; NaN: nowhere.
 
     In a straight line to the next cell, where that is known; else it is the middle of the last one:
-    how much of a cell is box is not known where the rest lies in its shadow, half of it in the mean.
+    how much of it is box is not known where the rest lies in its shadow, half of it in the mean.
     """
     known = np.flatnonzero(np.isfinite(profile_m))
     below = known[profile_m[known] < half_m]

@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from core.paths.coverage.contours import contour_pieces
 from core.paths.coverage.measures import band_of
 from core.paths.coverage.patches import nearest_in, wall_strokes
-from core.paths.coverage.raster import NONE, Raster, edges_along
+from core.paths.coverage.raster import FINER, NONE, Raster, edges_along
 from core.paths.coverage.refine import Refiner, modes_of
 from core.paths.coverage.sweep import QUARTER, Piece, Sweeper, rotated, turned
 from core.paths.coverage.tours import graph_of, linked, looped, ordered, snapped
@@ -31,8 +31,8 @@ STROKE = (
 )
 STROKE_ROUNDS = 2
 PRICES = (  # what a change must win, of what a lane in the open does; rows are tried in turn
-    (0.4, 0.2, 0.1, 0.07),
-    (0.3, 0.12, 0.05),
+    (0.4, 0.2, 0.1),
+    (0.3, 0.1),
 )
 FIRST = ((0.6, 0.4, 0.3, 0.2),)  # where later plans win the rest,
 LAST = ((0.1, 0.04, 0.02),)  # with the tool up on the way to it
@@ -216,16 +216,17 @@ class _Work:
             if len(path) > 1:
                 refiners.append(Refiner(path, self._raster, graph, self._machine.width_m))
                 here = path[-1]
-        if prices:
-            self._refine(refiners, prices)
         if not refiners:
             return 0.0, np.empty((0, 2)), [], self._angle_rad
+        raster = self._raster
+        if prices:
+            refiners, raster = self._refined(refiners, prices)
         points = np.vstack([refiners[0].points, *(r.points[1:] for r in refiners[1:])])
-        sweeps = modes_of(points, self._raster, self._machine.width_m)
+        sweeps = modes_of(points, raster, self._machine.width_m)
         home = None if end is None else graph.way(points[-1], end)
         if home is not None and math.dist(points[-1], home[-1]) > 1e-9:
             points, sweeps = np.vstack([points, home[1:]]), sweeps + [False] * (len(home) - 1)
-        worth = self._raster.area(self._raster.swept)
+        worth = raster.area(raster.swept)
         worth -= WORTH * self._machine.width_m * length_of(points)
         return worth, rotated(points, self._angle_rad), sweeps, self._angle_rad
 
@@ -242,7 +243,10 @@ class _Work:
             self._toured = graph, lines
         return self._toured
 
-    def _refine(self, refiners: list[Refiner], prices: Sequence[float]) -> None:
+    def _refined(
+        self, refiners: list[Refiner], prices: Sequence[float]
+    ) -> tuple[list[Refiner], Raster]:
+        """The path made better; at last on a finer raster, that no strips are left along walls."""
         for price in prices:
             for refiner in refiners:
                 refiner.tighten(price)
@@ -253,8 +257,11 @@ class _Work:
                     near.patch(area, price)
             if self._raster.share >= ENOUGH:
                 break
-        for refiner in refiners:
-            refiner.tighten(price)
+        fine = Raster(self._todo or [self._space], self._machine.width_m, FINER)
+        found = [refiner.on(fine) for refiner in refiners]
+        for refiner in found:
+            refiner.tighten(price, is_last=True)
+        return found, fine
 
 
 def _regions(

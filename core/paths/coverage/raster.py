@@ -10,7 +10,8 @@ from core.paths.coverage.raster_kernels import exchange
 from core.paths.coverage.scan import edges_of, spans_at
 from core.records import F64
 
-COARSE, FINE = 14, 18  # cells across the band, at least; and at most, on small floors
+COARSE, FINE = 14, 18  # cells across the band, at least; and at most, on small floors,
+FINER = 2.5  # times as many at the end
 USUAL = 60_000  # cells of the target
 MOST = 3_000_000  # cells; a larger floor has larger ones
 NONE = np.empty((0, 4))
@@ -24,13 +25,14 @@ def edges_along(points: F64) -> F64:
 class Raster:
     """Cells by row along y and column along x."""
 
-    def __init__(self, target: Sequence[Polygon], width_m: float) -> None:
+    def __init__(self, target: Sequence[Polygon], width_m: float, finer: float = 1.0) -> None:
+        """`finer`: its cells are by so much smaller than usual."""
         bounds = np.array([polygon.bounds for polygon in target])
         self._low = bounds[:, :2].min(axis=0) - width_m
         size_m = bounds[:, 2:].max(axis=0) + width_m - self._low
         wanted_m = math.sqrt(sum(polygon.area for polygon in target) / USUAL)
         fine_m = min(max(wanted_m, width_m / FINE), width_m / COARSE)
-        self.cell_m = max(fine_m, math.sqrt(float(size_m.prod()) / MOST))
+        self.cell_m = max(fine_m / finer, math.sqrt(float(size_m.prod()) / MOST))
         columns, rows = np.ceil(size_m / self.cell_m).astype(int) + 1
         self.grid = np.array([*self._low, self.cell_m, width_m / 2])
         self.is_target = np.zeros((rows, columns), dtype=bool)

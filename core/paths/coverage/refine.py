@@ -16,7 +16,7 @@ from core.paths.geometry.rings import joined, length_of
 from core.paths.geometry.visibility import VisibilityGraph
 from core.records import F64
 
-ROUNDS, DEAR = 2, 0.1  # of all changes at each price; at higher prices one
+ROUNDS, DEAR = 2, 0.1  # of all changes at each price, and at the end; at higher prices one
 MORE = 1.2  # a detour may win a little more than what it is made for
 
 
@@ -27,12 +27,16 @@ class Refiner:
         self.points, self._raster, self._graph, self._width_m = points, raster, graph, width_m
         raster.gain(NONE, edges_along(points), keep=True)
 
-    def tighten(self, price: float) -> None:
+    def on(self, raster: Raster) -> "Refiner":
+        """The same path on another raster."""
+        return Refiner(self.points, raster, self._graph, self._width_m)
+
+    def tighten(self, price: float, is_last: bool = False) -> None:
         """Leave out corners, move them, turn stretches round."""
         path, n = self.points.copy(), len(self.points)
         raster, walls = self._raster, self._graph.walls
         given = raster.count, raster.is_target, raster.grid, walls, path
-        for _ in range(1 if price > DEAR else ROUNDS):
+        for _ in range(ROUNDS if is_last or price <= DEAR else 1):
             n = shorten(*given, n, price * self._width_m)
             shift(*given, n, price * self._width_m)
             uncross(*given, n, price * self._width_m)

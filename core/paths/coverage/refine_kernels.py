@@ -17,7 +17,7 @@ from jit import kernel, releasing_kernel
 I64 = npt.NDArray[np.int64]
 LEAST_M = 1e-3
 LEAST_WORTH_M2 = 1e-9
-SIDES = 8  # directions in which a corner is moved
+SIDES, STEPS = 8, (0.5, 0.15, 0.05)  # a corner is moved: to all sides; so far, of the reach
 LONGEST = 8  # corners taken out at once
 
 
@@ -62,12 +62,12 @@ def shorten(
             gone += count_path(count, target, grid, path, j - 1, j, -1)
             along += far(path, j - 1, j)
             saved = along - far(path, i, j)
-            if saved < LEAST_M or price * saved <= best:
+            if saved < LEAST_M or price * saved <= best or not clear(walls, path, i, j):
                 continue
             gained = gone + count_line(count, target, grid, path, i, j, 1)
             count_line(count, target, grid, path, i, j, -1)
             worth = price * saved + area * gained
-            if worth > best and clear(walls, path, i, j):
+            if worth > best:
                 best, at = worth, j
         count_path(count, target, grid, path, i, end - 1, 1)
         if at:
@@ -93,20 +93,22 @@ def shift(
         best_x, best_y, best = x, y, LEAST_WORTH_M2
         now = far(path, i - 1, i) + far(path, i, i + 1)
         gone = count_path(count, target, grid, path, i - 1, i + 1, -1)
-        for k in range(2 + 2 * SIDES):
+        for k in range(2 + len(STEPS) * SIDES):
             if k < 2:
                 share = 0.5 if k == 0 else 0.2
                 path[i, 0] = x + share * ((path[i - 1, 0] + path[i + 1, 0]) / 2 - x)
                 path[i, 1] = y + share * ((path[i - 1, 1] + path[i + 1, 1]) / 2 - y)
             else:
-                step = grid[3] * (0.5 if k < 2 + SIDES else 0.15)
+                step = grid[3] * STEPS[(k - 2) // SIDES]
                 path[i, 0] = x + step * math.cos(2 * math.pi * k / SIDES)
                 path[i, 1] = y + step * math.sin(2 * math.pi * k / SIDES)
+            if not (clear(walls, path, i - 1, i) and clear(walls, path, i, i + 1)):
+                continue
             saved = now - far(path, i - 1, i) - far(path, i, i + 1)
             gained = gone + count_path(count, target, grid, path, i - 1, i + 1, 1)
             count_path(count, target, grid, path, i - 1, i + 1, -1)
             worth = price * saved + area * gained
-            if worth > best and clear(walls, path, i - 1, i) and clear(walls, path, i, i + 1):
+            if worth > best:
                 best, best_x, best_y = worth, path[i, 0], path[i, 1]
         path[i, 0], path[i, 1] = best_x, best_y
         count_path(count, target, grid, path, i - 1, i + 1, 1)

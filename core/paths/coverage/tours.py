@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
 from core.paths.coverage.contours import entries_of
 from core.paths.coverage.loops import joined_loops
@@ -13,7 +13,7 @@ from core.paths.coverage.order import Tour
 from core.paths.coverage.patches import nearest_in
 from core.paths.coverage.sweep import Piece
 from core.paths.geometry.rings import joined, length_of
-from core.paths.geometry.space import largest, polygons_in
+from core.paths.geometry.space import polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
 from core.records import F64
 
@@ -24,11 +24,11 @@ DETOUR = 1.3  # of a way whose length is not known
 
 
 def graph_of(space: Polygon) -> VisibilityGraph:
-    """For ways between pieces: few corners, if they connect all that the space does."""
+    """For ways between pieces: few corners. Where these join less than the space, all are tried."""
     inner = shapely.buffer(space, -COARSE_M, quad_segs=2, join_style="mitre")
-    parts = polygons_in(shapely.simplify(inner, COARSE_M))
-    if len(parts) == 1 and space.covers(parts[0]):
-        return VisibilityGraph(space, largest(parts))
+    bends = MultiPolygon(polygons_in(shapely.simplify(inner, COARSE_M)))
+    if not bends.is_empty and space.covers(bends):
+        return VisibilityGraph(space, bends)
     return VisibilityGraph(space)
 
 

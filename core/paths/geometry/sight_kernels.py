@@ -9,6 +9,7 @@ from core.records import F64
 from jit import kernel, releasing_kernel
 
 Bools = npt.NDArray[np.bool_]
+I64 = npt.NDArray[np.int64]
 
 
 class WallEdges(NamedTuple):
@@ -62,13 +63,28 @@ def lines_of_sight(walls: WallEdges, lines: F64, seen: Bools) -> None:
 
 
 @releasing_kernel
-def through_all(lengths: F64) -> None:
-    """(n, n) lengths of edges to shortest lengths, in place. Source: Floyd, Algorithm 97, 1962."""
-    n = len(lengths)
+def shorten_all(first: I64, others: I64, far: F64, lengths: F64, queue: I64, waits: Bools) -> None:
+    """Lengths to nodes, (n,), to the shortest ones by way of others, in place.
+
+    Edges of node k are those from first[k] on, to nodes `others`, of lengths `far`. A node that has
+    become nearer waits in the queue (n,), a ring, until its edges are looked at again.
+    Source: Moore, The shortest path through a maze, 1959.
+    """
+    n, begin, end = len(lengths), 0, 0
     for k in range(n):
-        for i in range(n):
-            first = lengths[i, k]
-            if first < np.inf:
-                for j in range(n):
-                    if first + lengths[k, j] < lengths[i, j]:
-                        lengths[i, j] = first + lengths[k, j]
+        waits[k] = lengths[k] < np.inf
+        if waits[k]:
+            queue[end] = k
+            end += 1
+    while begin < end:
+        node = queue[begin % n]
+        begin += 1
+        waits[node] = False
+        for k in range(first[node], first[node + 1]):
+            other = others[k]
+            if lengths[node] + far[k] < lengths[other]:
+                lengths[other] = lengths[node] + far[k]
+                if not waits[other]:
+                    waits[other] = True
+                    queue[end % n] = other
+                    end += 1

@@ -11,22 +11,26 @@ import math
 import numpy as np
 import numpy.typing as npt
 import shapely
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
-from core.paths.geometry.sight_kernels import WallEdges, lines_of_sight, through_all
+from core.paths.geometry.sight_kernels import I64, WallEdges, lines_of_sight, shorten_all
 from core.records import F64
 
 MOST_STRIPS = 200
+NO_EDGES = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
 TOUCH_M = 1e-6  # what a line along an edge may seem to lie outside, by rounding
 Bools = npt.NDArray[np.bool_]
 
 
-def bends_of(polygon: Polygon) -> tuple[F64, F64, F64]:
+def bends_of(polygons: Polygon | MultiPolygon) -> tuple[F64, F64, F64]:
     """Corners that bulge inwards, those before them, and those behind them; (n, 2) each."""
     here, before, behind = [], [], []
-    for number, ring in enumerate([polygon.exterior, *polygon.interiors]):
+    parts = polygons.geoms if isinstance(polygons, MultiPolygon) else [polygons]
+    rings = [(part.exterior, True) for part in parts]
+    rings += [(hole, False) for part in parts for hole in part.interiors]
+    for ring, is_outer in rings:
         points = shapely.get_coordinates(ring)[:-1]
-        if ring.is_ccw != (number == 0):
+        if ring.is_ccw != is_outer:
             points = points[::-1]  # so that the polygon lies to the left
         prior, after = np.roll(points, 1, axis=0), np.roll(points, -1, axis=0)
         is_bend = cross(points - prior, after - points) < 0
@@ -61,8 +65,8 @@ def wall_edges(polygon: Polygon) -> WallEdges:
 class VisibilityGraph:
     """Ways between any two points of a polygon. Rows of the graph are made when asked for."""
 
-    def __init__(self, polygon: Polygon, bends: Polygon | None = None) -> None:
-        """`bends`: a polygon inside, of fewer corners, at which ways may bend instead."""
+    def __init__(self, polygon: Polygon, bends: MultiPolygon | None = None) -> None:
+        """`bends`: polygons inside, of fewer corners, at which ways may bend instead."""
         self.polygon = polygon
         self.walls = wall_edges(polygon)
         self._bends = bends
@@ -159,8 +163,9 @@ class VisibilityGraph:
 
         So a length may be a little too long, and is infinite where no node is in sight.
         """
-        through = self._between_nodes()
-        joined = np.full((len(points), len(self.nodes)), math.inf)
+        count = len(self.nodes)
+        edges, room = self._edges(), (np.zeros(count, np.int64), np.zeros(count, np.bool_))
+        joined = np.full((len(points), count), math.inf)
         for k, point in enumerate(points):
             maybe = self.touched_from(point)
             far = np.hypot(*(self.nodes[maybe] - point).T)
@@ -169,19 +174,17 @@ class VisibilityGraph:
                 joined[k, node] = length
         total = np.full((len(points), len(points)), math.inf)
         for k in range(len(points)):
-            used = np.flatnonzero(np.isfinite(joined[k]))
-            if len(used):
-                to_nodes = (joined[k, used, None] + through[used]).min(axis=0)
-                total[k] = (to_nodes + joined).min(axis=1)
+            to_nodes = joined[k].copy()
+            shorten_all(*edges, to_nodes, *room)
+            total[k] = (to_nodes + joined).min(axis=1, initial=math.inf)
         return np.asarray(np.minimum(total, total.T))
 
-    def _between_nodes(self) -> F64:
-        """(n, n) shortest lengths from node to node."""
+    def _edges(self) -> tuple[I64, I64, F64]:
+        """Between nodes, in both directions, as `shorten_all` takes them."""
         count = len(self.nodes)
-        lengths = np.full((count, count), math.inf)
-        np.fill_diagonal(lengths, 0.0)
-        for node in range(count):
-            for other, far in self._row(node):
-                lengths[node, other] = lengths[other, node] = far
-        through_all(lengths)
-        return lengths
+        rows = [(a, b, far) for a in range(count) for b, far in self._row(a)]
+        a, b, far = (np.array(column) for column in zip(*rows, strict=True)) if rows else NO_EDGES
+        begin, end = np.concatenate([a, b]).astype(np.int64), np.concatenate([b, a])
+        order = np.argsort(begin, kind="stable")
+        first = np.searchsorted(begin[order], np.arange(count + 1)).astype(np.int64)
+        return first, end[order].astype(np.int64), np.concatenate([far, far])[order]

@@ -37,7 +37,7 @@ def read_settings(path: Path) -> str:
             content = file.read(MOST_BYTES + 1)
         if len(content) > MOST_BYTES:
             raise ConfigError(f"must be at most {MOST_BYTES} bytes long, is longer")
-        return content.decode("utf-8")
+        return content.decode("utf-8-sig")  # with or without the mark that some editors put first
     except FileNotFoundError as error:
         raise ConfigError(f"{error.strerror}; mapod init writes one") from None
     except OSError as error:

@@ -61,6 +61,8 @@ class Wanted:
         self.end = self.map = self.flight = False
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._end)
+        if signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup: it is to live on
+            signal.signal(signal.SIGHUP, self._end)
 
     def _end(self, number: int, frame: FrameType | None) -> None:
         self.end = True
@@ -164,7 +166,7 @@ def serve(
     recorder: Recorder | None = None,
     at_start: Callable[[], None] = lambda: None,
 ) -> None:
-    """Run the app until SIGINT or SIGTERM, from loaded maps on.
+    """Run the app until SIGINT, SIGTERM or SIGHUP, from loaded maps on.
 
     SIGUSR1 saves the map of the ground, SIGUSR2 what the flight recorder has. `at_start` is called
     when all is ready.

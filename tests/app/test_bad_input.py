@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from config_file import load_config, read_key
+from config_file import load_config, read_key, read_settings
 from core.config import ConfigError
 from fakes.scenes.scene import load_scene
 from hw.ax3500.lines import LineParser
@@ -91,6 +91,12 @@ def test_a_settings_file(content: bytes, told: str, tmp_path: Path, capsys: Caps
     path = tmp_path / "robot.toml"
     path.write_bytes(content)
     assert f"{path}: {told}" in said_by(["check", "--config", str(path)], capsys)
+
+
+def test_the_mark_that_some_editors_put_before_a_text_is_passed_over(tmp_path: Path) -> None:
+    path = tmp_path / "robot.toml"
+    path.write_text(TEXT, encoding="utf-8-sig")
+    assert read_settings(path) == TEXT
 
 
 @pytest.mark.parametrize("section", re.findall(r"^\[(\w+)\]", TEXT, re.MULTILINE))

@@ -194,7 +194,7 @@ def test_a_damaged_file_is_told_and_ends_it(ended: Ended, tmp_path: Path, capsys
     assert len(told.splitlines()) == 1
 
 
-@pytest.mark.parametrize("ending", few([signal.SIGTERM, signal.SIGINT], 1))
+@pytest.mark.parametrize("ending", few([signal.SIGHUP, signal.SIGTERM, signal.SIGINT], 1))
 def test_without_any_device_it_serves_and_ends(ended: Ended, tmp_path: Path, ending: int) -> None:
     saved, new, config = tmp_path / "hall.npz", tmp_path / "new.npz", tmp_path / "robot.toml"
     write_map(str(saved), ended[1])

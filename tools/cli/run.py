@@ -23,7 +23,7 @@ HEADER = ROOT / "hw" / "mcu" / "mapod_link.h"
 
 def run(arguments: list[str]) -> int:
     """Exit status: 0 ended as it was told to, 2 the settings can't be used."""
-    about = "Run the robot: sensors in, obstacle map out, until Ctrl-C or SIGTERM."
+    about = "Run the robot: sensors in, obstacle map out, until Ctrl-C, SIGTERM or SIGHUP."
     parser = parser_of("run", about, "mapod run --config mapod.toml --save-map hall.map")
     _add_run_options(parser)
     parser.add_argument("--record", metavar="FILE", help=RECORD)

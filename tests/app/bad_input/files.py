@@ -40,7 +40,6 @@ def npy_with(head: bytes) -> bytes:
 SETTINGS = {  # what is said of the file, behind its name
     "empty": (b"", "loop.rate_hz: missing; robot.wheel_radius_m: missing; "),
     "not UTF-8": (TEXT.encode("utf-16"), "must be UTF-8 text: "),
-    "a byte order mark": (b"\xef\xbb\xbf" + TEXT.encode(), "not valid TOML: Invalid statement "),
     "NUL": (changed("lms111", "lms\0"), "not valid TOML: Illegal character '\\x00' (at line "),
     "cut off": (TEXT.partition("[scanner]")[0].encode(), "scanner.driver: missing; "),
     "cut off in a line": (TEXT.partition(" true")[0].encode(), "not valid TOML: "),

@@ -13,8 +13,10 @@ from shapely.geometry.base import BaseGeometry
 
 from core.paths.coverage.measures import Motion, measures, swept_by
 from core.paths.coverage.plan import WORTH, plan_coverage
+from core.paths.coverage.tours import graph_of
 from core.paths.geometry.rings import joined
 from core.paths.geometry.space import FloorError, repaired
+from core.paths.geometry.visibility import bends_of
 from core.paths.records import CoveragePlan, Machine
 from core.records import F64
 from tests.core.paths.floors import KINDS, VACUUM
@@ -58,6 +60,29 @@ def test_every_metre_lies_inside_and_segments_join_and_what_is_missed_is_told(
     whole = plan.reachable.union(plan.unreachable)
     assert whole.symmetric_difference(repaired(floor)).area < 1e-3
     assert plan.uncovered.area < 0.03 * plan.reachable.area + 0.01
+
+
+ROOM = shapely.box(0, 0, 8, 7)
+WITH_PILLAR = ROOM.difference(shapely.box(4, 3, 4.3, 3.3))
+
+
+@pytest.mark.parametrize("floor", [ROOM, WITH_PILLAR])
+def test_no_strips_are_left_along_walls_and_between_bands(floor: Polygon) -> None:
+    machine = Machine(radius_m=0.35, clearance_m=0.065, width_m=0.6, overlap_m=0.01)
+    plan = plan_coverage(floor, machine, (0.5, 0.5), (0.5, 0.5))
+    assert plan.uncovered.area < 0.004 * plan.reachable.area
+
+
+@pytest.mark.parametrize("gap_m", [0.302, 0.31])
+def test_one_tight_passage_costs_no_more_than_its_own_ways(gap_m: float) -> None:
+    posts = [shapely.box(x, y, x + 0.1, y + 0.1) for x in (1, 2, 3) for y in (1, 2)]
+    other, door = shapely.box(4.2, 0, 6, 3), shapely.box(3.9, 1, 4.3, 1 + gap_m)
+    floor = shapely.box(0, 0, 4, 3).difference(shapely.union_all(posts))
+    machine = Machine(radius_m=0.15, clearance_m=0.0, width_m=0.3, overlap_m=0.02)
+    plan = plan_coverage(shapely.union_all([floor, other, door]), machine)
+    assert plan.uncovered.area < 0.01 * plan.reachable.area
+    graph = graph_of(plan.space.geoms[0])
+    assert len(graph.nodes) < 0.5 * len(bends_of(plan.space.geoms[0])[0])
 
 
 SPIKE = Polygon([(0, 0), (2, 0), (2, 1), (5, 1), (2, 1), (2, 2), (0, 2)])

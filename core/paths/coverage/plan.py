@@ -216,8 +216,10 @@ class _Work:
             if len(path) > 1:
                 refiners.append(Refiner(path, self._raster, graph, self._machine.width_m))
                 here = path[-1]
-        if not refiners:
-            return 0.0, np.empty((0, 2)), [], self._angle_rad
+        if not refiners:  # nothing is left to sweep
+            way = None if start is None or end is None else graph.way(start, end)
+            points = np.empty((0, 2)) if way is None else way
+            return 0.0, rotated(points, self._angle_rad), [False] * len(points[1:]), self._angle_rad
         raster = self._raster
         if prices:
             refiners, raster = self._refined(refiners, prices)

@@ -85,6 +85,13 @@ def test_one_tight_passage_costs_no_more_than_its_own_ways(gap_m: float) -> None
     assert len(graph.nodes) < 0.5 * len(bends_of(plan.space.geoms[0])[0])
 
 
+def test_where_all_is_clean_the_way_to_the_dock_is_left() -> None:
+    plan = plan_coverage(HALL, VACUUM, (0.5, 0.5), (2.5, 1.5), clean=HALL)
+    [way] = plan.segments
+    assert (way.kind, way.points.tolist()) == ("travel", [[0.5, 0.5], [2.5, 1.5]])
+    assert plan_coverage(HALL, VACUUM, (0.5, 0.5), clean=HALL).segments == ()
+
+
 SPIKE = Polygon([(0, 0), (2, 0), (2, 1), (5, 1), (2, 1), (2, 2), (0, 2)])
 BOW = Polygon([(0, 0), (2, 2), (2, 0), (0, 2)])
 TOUCHING = Polygon(HALL.exterior, [[(1, 0), (1.5, 1), (2, 0)], [(1.5, 1), (1, 2), (2, 2)]])

@@ -222,7 +222,7 @@ class _Work:
             return 0.0, rotated(points, self._angle_rad), [False] * len(points[1:]), self._angle_rad
         raster = self._raster
         if prices:
-            refiners, raster = self._refined(refiners, prices)
+            refiners, raster = self._refined(refiners, prices, start is None, end is None)
         points = np.vstack([refiners[0].points, *(r.points[1:] for r in refiners[1:])])
         sweeps = modes_of(points, raster, self._machine.width_m)
         home = None if end is None else graph.way(points[-1], end)
@@ -246,12 +246,20 @@ class _Work:
         return self._toured
 
     def _refined(
-        self, refiners: list[Refiner], prices: Sequence[float]
+        self, refiners: list[Refiner], prices: Sequence[float], begins: bool, ends: bool
     ) -> tuple[list[Refiner], Raster]:
-        """The path made better; at last on a finer raster, that no strips are left along walls."""
+        """The path made better; at last on a finer raster, that no strips are left along walls.
+
+        Args:
+            begins, ends: it may do so anywhere.
+        """
         for price in prices:
             for refiner in refiners:
                 refiner.tighten(price)
+            if begins:
+                refiners[0].trim(price, is_first=True)
+            if ends:
+                refiners[-1].trim(price, is_first=False)
             for area in self._raster.missed(SPECK * self._machine.width_m**2):
                 middle = area.mean(axis=0)
                 near = min(refiners, key=lambda r: r.distance(middle), default=None)

@@ -45,6 +45,16 @@ class Refiner:
         self.points = path[:n].copy()
         raster.swept = int((raster.is_target & (raster.count > 0)).sum())
 
+    def trim(self, price: float, is_first: bool) -> None:
+        """Leave out edges at the first or the last end, where the path may end anywhere."""
+        while len(self.points) > 2:
+            edge = edges_along(self.points[:2] if is_first else self.points[-2:])
+            lost = self._raster.gain(edge, NONE)
+            if self._raster.area(lost) + price * self._width_m * length_of(edge.reshape(2, 2)) <= 0:
+                return
+            self._raster.gain(edge, NONE, keep=True)
+            self.points = self.points[1:] if is_first else self.points[:-1]
+
     def distance(self, point: F64) -> float:
         """Metres from the nearest corner."""
         return float(np.hypot(*(self.points - point).T).min())

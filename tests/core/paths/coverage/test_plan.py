@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from core.paths.coverage.measures import Motion, measures, swept_by
 from core.paths.coverage.plan import WORTH, plan_coverage
 from core.paths.coverage.tours import graph_of
-from core.paths.geometry.rings import joined
+from core.paths.geometry.rings import joined, length_of
 from core.paths.geometry.space import FloorError, repaired
 from core.paths.geometry.visibility import bends_of
 from core.paths.records import CoveragePlan, Machine
@@ -83,6 +83,15 @@ def test_one_tight_passage_costs_no_more_than_its_own_ways(gap_m: float) -> None
     assert plan.uncovered.area < 0.01 * plan.reachable.area
     graph = graph_of(plan.space.geoms[0])
     assert len(graph.nodes) < 0.5 * len(bends_of(plan.space.geoms[0])[0])
+
+
+def test_a_corridor_as_wide_as_the_tool_is_driven_once() -> None:
+    machine = Machine(radius_m=0.15, clearance_m=0.0, width_m=0.3, overlap_m=0.0)
+    plan = plan_coverage(shapely.box(0, 0, 10, 0.302), machine)
+    assert sum(length_of(segment.points) for segment in plan.segments) < 10.0
+    assert plan.uncovered.area < 0.01 * plan.reachable.area
+    there = plan_coverage(shapely.box(0, 0, 10, 0.302), machine, dock=(0.2, 0.15))
+    assert there.segments[-1].points[-1] == pytest.approx((0.2, 0.15), abs=0.01)
 
 
 def test_where_all_is_clean_the_way_to_the_dock_is_left() -> None:

@@ -9,6 +9,7 @@ Source: Autodesk, DXF Reference, header variable $INSUNITS.
 
 import math
 import os
+import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,9 +34,10 @@ SAGITTA_M = 0.002  # by which a chord may leave its arc
 MOST_PARTS = 50_000  # entities, those of blocks each time that they are inserted
 MOST_DEPTH = 16  # of blocks in blocks
 MOST_CORNERS = 1_000_000
-RAISED = (  # by ezdxf, of a damaged file
-    DXFError, ArithmeticError, AttributeError, LookupError, OSError, RecursionError, TypeError,
-    ValueError,
+CUT = StopIteration, struct.error  # by ezdxf, of a file that ends too early
+RAISED = (  # by it, of a damaged file
+    DXFError, ArithmeticError, AssertionError, AttributeError, LookupError, OSError, RuntimeError,
+    TypeError, ValueError, *CUT,
 )  # fmt: skip
 NO_UNIT = f"says no unit that is known: --unit of {', '.join(UNITS)}"
 
@@ -60,7 +62,8 @@ def walls_from_dxf(path: Path, reading: Reading) -> list[LineString]:
         parts = _parts(drawing.modelspace(), [0], 0)
         lines = list(_lines(parts, metres, {name.lower() for name in reading.layers}))
     except RAISED as error:
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        told = "it ends too early" if isinstance(error, CUT) else " ".join(str(error).split())
+        reason = told[:200] or type(error).__name__
         raise PlanFileError(f"must be a DXF drawing: {reason}") from None
     if not lines:
         there = sorted(layer.dxf.name for layer in drawing.layers)[:20]

@@ -142,6 +142,24 @@ def test_a_damaged_file_is_read_or_refused(
         assert walls_from_dxf(path, Reading(unit="mm"))
 
 
+@pytest.mark.parametrize("format_", ["asc", "bin"])
+def test_a_file_that_is_cut_is_read_or_refused(hall: Path, tmp_path: Path, format_: str) -> None:
+    whole, cut = tmp_path / "whole.dxf", tmp_path / "cut.dxf"
+    ezdxf.filemanagement.readfile(hall).saveas(whole, fmt=format_)
+    content = whole.read_bytes()
+    for size in (3000, *range(0, len(content), 1 + len(content) // 20)):
+        cut.write_bytes(content[:size])
+        with suppress(PlanFileError):
+            assert walls_from_dxf(cut, Reading())
+
+
+def test_a_header_alone_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.dxf"
+    path.write_text("  0\nSECTION\n  2\nHEADER\n")
+    with pytest.raises(PlanFileError, match="must be a DXF drawing: it ends too early"):
+        walls_from_dxf(path, Reading())
+
+
 DAMAGED = "0\nSECTION\n2\nENTITIES\n0\nLINE\n8\nW\n10\n0\n20\n0\n11\n9\n21\n9\n0\nENDSEC\n0\nEOF\n"
 
 

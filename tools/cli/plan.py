@@ -9,6 +9,7 @@ import argparse
 import importlib.util
 import json
 import math
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -212,11 +213,14 @@ def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> in
 
 
 def walls_of(options: argparse.Namespace) -> "list[LineString]":
-    """Of a DXF drawing. Raises PlanFileError, OSError."""
+    """Of a DXF drawing; tells what else is drawn. Raises PlanFileError, OSError."""
     from tools.floorplans import dxf
 
     reading = dxf.Reading(options.unit, options.layers, options.origin)
-    return dxf.walls_from_dxf(options.file, reading)
+    found = dxf.drawn_in(options.file, reading)
+    if found.left_out:
+        print(f"mapod plan: {options.file}: {dxf.told_of(found.left_out)}", file=sys.stderr)
+    return found.walls
 
 
 def write_walls(options: argparse.Namespace) -> int:

@@ -146,7 +146,9 @@ def test_what_is_hardly_too_little_is_told_as_less_than_what_must_be(
     half_m = margin_m + more_m
     hall = shapely.box(0, -2, 3, 2)
     if is_gap:
-        ways = shapely.union_all([hall, shapely.box(6, -2, 9, 2), shapely.box(2, -half_m, 7, half_m)])
+        ways = shapely.union_all(
+            [hall, shapely.box(6, -2, 9, 2), shapely.box(2, -half_m, 7, half_m)]
+        )
         found = find_way(ways, margin_m, (1, 0), (8, 0))
     else:
         found = find_way(hall, margin_m, (half_m, 0), (1.5, 0))

@@ -1,8 +1,8 @@
 """Plans on a floor plan: a path that sweeps all of it, or the shortest way from A to B.
 
-FILE is GeoJSON in metres (polygons; `kind` obstacle or room, lines are walls), a DXF drawing of its
-walls, or a map that Valetudo stores of a vacuum robot (versions 1 and 2). Metres; x to the right,
-y up. Start and dock are those of the file unless they are given. It opens no port.
+FILE is GeoJSON in metres (polygons; `kind` obstacle, wall or room, lines are walls), a DXF drawing
+of its walls, or a map that Valetudo stores of a vacuum robot (versions 1 and 2). Metres; x to the
+right, y up. Start and dock are those of the file unless they are given. It opens no port.
 """
 
 import argparse

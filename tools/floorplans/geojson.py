@@ -1,7 +1,7 @@
 """GeoJSON in metres to floor plans, and paths to GeoJSON.
 
-Polygons are floor, unless their property `kind` says `obstacle` or `room` (with a `name`); lines
-are walls; points say `start` or `dock`. Source: RFC 7946, but for its degrees.
+Polygons are floor, unless their property `kind` says `obstacle`, `wall` or `room` (with a `name`);
+lines are walls; points say `start` or `dock`. Source: RFC 7946, but for its degrees.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,8 @@ from core.records import F64
 from tools.floorplans.records import FloorPlan, Json, PlanFileError, list_at, number, shown
 
 WALL_M = 0.01  # half the width of a wall that is drawn as a line
-KINDS = ("floor", "obstacle", "room", "wall", "start", "dock")
+POINTS = ("start", "dock")  # kinds of these alone
+KINDS = ("floor", "obstacle", "room", "wall", *POINTS)
 DEPTH = {"Point": 0, "LineString": 1, "MultiLineString": 2, "Polygon": 2, "MultiPolygon": 3}
 
 
@@ -27,14 +28,14 @@ def plan_from_geojson(content: Json) -> FloorPlan:
     plan = FloorPlan(shapely.MultiPolygon())
     for kind, name, shape in _shapes(content, "", "", ""):
         if isinstance(shape, shapely.Point):
-            if kind not in ("start", "dock"):
+            if kind not in POINTS:
                 raise PlanFileError(f"a point: its kind must be start or dock, is {shown(kind)}")
             setattr(plan, kind, (shape.x, shape.y))
         elif shape.geom_type.endswith("LineString"):
             taken.append(shape.buffer(WALL_M))
         elif kind == "room":
             plan.rooms.append((name or str(len(plan.rooms) + 1), repaired(shape)))
-        elif kind == "obstacle":
+        elif kind in ("obstacle", "wall"):
             taken.append(repaired(shape))
         else:
             floors.append(repaired(shape))
@@ -59,15 +60,16 @@ def _shapes(
         known = part.get("properties") or {}
         if not isinstance(known, dict):
             raise PlanFileError(f"{where}properties: must be an object, is {shown(known)}")
-        kind = str(known.get("kind", kind))
+        kind = kind if known.get("kind") is None else str(known["kind"])
         if kind and kind not in KINDS:
             allowed = ", ".join(KINDS)
             raise PlanFileError(f"{where}properties.kind: must be of {allowed}, is {shown(kind)}")
         if part.get("geometry") is not None:
-            yield from _shapes(
-                part["geometry"], f"{where}geometry.", kind, str(known.get("name", ""))
-            )
+            named = "" if known.get("name") is None else str(known["name"])
+            yield from _shapes(part["geometry"], f"{where}geometry.", kind, named)
     elif isinstance(type_, str) and type_ in DEPTH:
+        if kind in POINTS and type_ != "Point":
+            raise PlanFileError(f"{where}type: must be Point for a {kind}, is {shown(type_)}")
         yield kind, name, _geometry(type_, list_at(part, "coordinates", where), where)
     else:
         allowed = ", ".join(["FeatureCollection", "Feature", "GeometryCollection", *DEPTH])

@@ -227,8 +227,10 @@ def write_walls(options: argparse.Namespace) -> int:
     from tools.floorplans.geojson import walls_as_geojson
 
     walls = walls_of(options)
-    write_json(options.walls, walls_as_geojson(walls))
-    print(f"{len(walls)} walls, {sum(wall.length for wall in walls):.1f} m in all")
+    content = walls_as_geojson(walls)
+    write_json(options.walls, content)
+    length_m = sum(wall.length for wall in walls)
+    print(f"{len(content['features'])} walls, {length_m:.1f} m in all")
     return 0
 
 

@@ -4,6 +4,7 @@ Polygons are floor, unless their property `kind` says `obstacle`, `wall` or `roo
 lines are walls; points say `start` or `dock`. Source: RFC 7946, but for its degrees.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -18,6 +19,7 @@ from tools.floorplans.records import FloorPlan, Json, PlanFileError, list_at, nu
 WALL_M = 0.01  # half the width of a wall that is drawn as a line
 POINTS = ("start", "dock")  # kinds of these alone
 KINDS = ("floor", "obstacle", "room", "wall", *POINTS)
+LEAST_M = 0.001001  # between points of a wall: a map of objects refuses less than 1 mm
 DEPTH = {"Point": 0, "LineString": 1, "MultiLineString": 2, "Polygon": 2, "MultiPolygon": 3}
 
 
@@ -130,9 +132,25 @@ def way_as_geojson(points: F64) -> Json:
 
 
 def walls_as_geojson(walls: Sequence[shapely.LineString]) -> Json:
-    """Lines of walls."""
-    features = [_feature(wall, kind="wall") for wall in walls]
+    """Lines of walls, as a map of objects takes them: without points and lines of under 1 mm."""
+    lines = [_thinned(shapely.get_coordinates(wall).round(4)) for wall in walls]
+    features = [_feature(shapely.LineString(line), kind="wall") for line in lines if len(line) > 1]
     return {"type": "FeatureCollection", "features": features}
+
+
+def _thinned(points: F64) -> list[F64]:
+    """Without points that are hardly off the one before; the ends stay, if there are two."""
+
+    def is_near(one: F64, other: F64) -> bool:
+        return math.dist(one, other) < LEAST_M
+
+    kept = [points[0]]
+    for point in points[1:]:
+        if not is_near(kept[-1], point):
+            kept.append(point)
+    while len(kept) > 1 and is_near(kept[-1], points[-1]):
+        kept.pop()
+    return kept if is_near(kept[-1], points[-1]) else [*kept, points[-1]]
 
 
 def _feature(shape: BaseGeometry, **properties: object) -> Json:

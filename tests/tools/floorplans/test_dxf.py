@@ -147,7 +147,7 @@ def test_what_is_drawn_and_no_wall_is_counted(tmp_path: Path) -> None:
     assert len(found.walls) == 2
     assert found.left_out == {"POINT": 2, "XLINE": 1}
     assert drawn_in(path, Reading(layers=("WALLS",))).left_out == {}
-    with pytest.raises(PlanFileError, match="no line is drawn .left out: 2 POINT, 1 XLINE"):
+    with pytest.raises(PlanFileError, match=r"no line is drawn .left out: 2 POINT, 1 XLINE"):
         drawn_in(path, Reading(layers=("0",)))
 
 
@@ -224,6 +224,28 @@ def test_a_header_alone_is_refused(tmp_path: Path) -> None:
 
 
 DAMAGED = "0\nSECTION\n2\nENTITIES\n0\nLINE\n8\nW\n10\n0\n20\n0\n11\n9\n21\n9\n0\nENDSEC\n0\nEOF\n"
+
+
+def test_walls_are_written_as_a_map_of_objects_begins_with_them(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    drawing = new()
+    space = drawing.modelspace()
+    doubled = [HALL[0], HALL[0], *HALL[1:], (0.4, 0.4)]  # and its end lies beside its beginning
+    space.add_lwpolyline(doubled, close=True)
+    space.add_lwpolyline([(0, 0), (1000.0, 0), (1000.96, 0)])
+    space.add_line((0, 0), (0.5, 0.5))
+    space.add_line((100, 100), (101, 100))  # 1 mm, as numbers are rounded perhaps less
+    space.add_circle((500, 500), 0.4)
+    kept = tmp_path / "walls.json"
+    assert main([str(saved(drawing, tmp_path)), "--walls", str(kept)]) == 0
+    assert capsys.readouterr().out.startswith("2 walls, 21.0 m")
+    walls = map_from_floor_plan(kept.read_text(), 1.0).walls
+    assert [np.ptp(wall.segments[0].reshape(2, 2), axis=0).max() for wall in walls] == (
+        pytest.approx([6.0, 4.0, 6.0, 4.0, 1.001], abs=1e-9)
+    )
+    outline = json.loads(kept.read_text())["features"][0]["geometry"]["coordinates"]
+    assert outline[0] == outline[-1] == [0.0, 0.0]
 
 
 def test_a_drawing_on_the_command_line(hall: Path, tmp_path: Path, capsys: Capsys) -> None:

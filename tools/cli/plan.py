@@ -122,8 +122,16 @@ def margin_of(options: argparse.Namespace) -> float:
 
 
 def write_json(path: Path | None, content: object) -> None:
-    if path is not None:
-        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    """A file whole or not at all; into a pipe or a terminal, straight."""
+    if path is None:
+        return
+    from map_files import write_whole
+
+    text = (json.dumps(content, indent=1) + "\n").encode()
+    if path.is_file() or not path.exists():
+        write_whole(str(path.resolve()), text)  # a link stays a link
+    else:
+        path.write_bytes(text)
 
 
 def rings_of(areas: "MultiPolygon") -> list[list[Any]]:

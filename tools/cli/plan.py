@@ -1,14 +1,15 @@
 """Plans on a floor plan: a path that sweeps all of it, or the shortest way from A to B.
 
-FILE is GeoJSON in metres (polygons; `kind` obstacle or room, lines are walls), a DXF drawing of its
-walls, or a map that Valetudo stores of a vacuum robot (versions 1 and 2). Metres; x to the right,
-y up. Start and dock are those of the file unless they are given. It opens no port.
+FILE is GeoJSON in metres (polygons; `kind` obstacle, wall or room, lines are walls), a DXF drawing
+of its walls, or a map that Valetudo stores of a vacuum robot (versions 1 and 2). Metres; x to the
+right, y up. Start and dock are those of the file unless they are given. It opens no port.
 """
 
 import argparse
 import importlib.util
 import json
 import math
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -121,8 +122,16 @@ def margin_of(options: argparse.Namespace) -> float:
 
 
 def write_json(path: Path | None, content: object) -> None:
-    if path is not None:
-        path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    """A file whole or not at all; into a pipe or a terminal, straight."""
+    if path is None:
+        return
+    from map_files import write_whole
+
+    text = (json.dumps(content, indent=1) + "\n").encode()
+    if path.is_file() or not path.exists():
+        write_whole(str(path.resolve()), text)  # a link stays a link
+    else:
+        path.write_bytes(text)
 
 
 def rings_of(areas: "MultiPolygon") -> list[list[Any]]:
@@ -212,19 +221,24 @@ def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> in
 
 
 def walls_of(options: argparse.Namespace) -> "list[LineString]":
-    """Of a DXF drawing. Raises PlanFileError, OSError."""
+    """Of a DXF drawing; tells what else is drawn. Raises PlanFileError, OSError."""
     from tools.floorplans import dxf
 
     reading = dxf.Reading(options.unit, options.layers, options.origin)
-    return dxf.walls_from_dxf(options.file, reading)
+    found = dxf.drawn_in(options.file, reading)
+    if found.left_out:
+        print(f"mapod plan: {options.file}: {dxf.told_of(found.left_out)}", file=sys.stderr)
+    return found.walls
 
 
 def write_walls(options: argparse.Namespace) -> int:
     from tools.floorplans.geojson import walls_as_geojson
 
     walls = walls_of(options)
-    write_json(options.walls, walls_as_geojson(walls))
-    print(f"{len(walls)} walls, {sum(wall.length for wall in walls):.1f} m in all")
+    content = walls_as_geojson(walls)
+    write_json(options.walls, content)
+    length_m = sum(wall.length for wall in walls)
+    print(f"{len(content['features'])} walls, {length_m:.1f} m in all")
     return 0
 
 

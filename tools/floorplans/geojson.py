@@ -1,9 +1,10 @@
 """GeoJSON in metres to floor plans, and paths to GeoJSON.
 
-Polygons are floor, unless their property `kind` says `obstacle` or `room` (with a `name`); lines
-are walls; points say `start` or `dock`. Source: RFC 7946, but for its degrees.
+Polygons are floor, unless their property `kind` says `obstacle`, `wall` or `room` (with a `name`);
+lines are walls; points say `start` or `dock`. Source: RFC 7946, but for its degrees.
 """
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -16,7 +17,9 @@ from core.records import F64
 from tools.floorplans.records import FloorPlan, Json, PlanFileError, list_at, number, shown
 
 WALL_M = 0.01  # half the width of a wall that is drawn as a line
-KINDS = ("floor", "obstacle", "room", "wall", "start", "dock")
+POINTS = ("start", "dock")  # kinds of these alone
+KINDS = ("floor", "obstacle", "room", "wall", *POINTS)
+LEAST_M = 0.001001  # between points of a wall: a map of objects refuses less than 1 mm
 DEPTH = {"Point": 0, "LineString": 1, "MultiLineString": 2, "Polygon": 2, "MultiPolygon": 3}
 
 
@@ -27,14 +30,14 @@ def plan_from_geojson(content: Json) -> FloorPlan:
     plan = FloorPlan(shapely.MultiPolygon())
     for kind, name, shape in _shapes(content, "", "", ""):
         if isinstance(shape, shapely.Point):
-            if kind not in ("start", "dock"):
+            if kind not in POINTS:
                 raise PlanFileError(f"a point: its kind must be start or dock, is {shown(kind)}")
             setattr(plan, kind, (shape.x, shape.y))
         elif shape.geom_type.endswith("LineString"):
             taken.append(shape.buffer(WALL_M))
         elif kind == "room":
             plan.rooms.append((name or str(len(plan.rooms) + 1), repaired(shape)))
-        elif kind == "obstacle":
+        elif kind in ("obstacle", "wall"):
             taken.append(repaired(shape))
         else:
             floors.append(repaired(shape))
@@ -59,15 +62,16 @@ def _shapes(
         known = part.get("properties") or {}
         if not isinstance(known, dict):
             raise PlanFileError(f"{where}properties: must be an object, is {shown(known)}")
-        kind = str(known.get("kind", kind))
+        kind = kind if known.get("kind") is None else str(known["kind"])
         if kind and kind not in KINDS:
             allowed = ", ".join(KINDS)
             raise PlanFileError(f"{where}properties.kind: must be of {allowed}, is {shown(kind)}")
         if part.get("geometry") is not None:
-            yield from _shapes(
-                part["geometry"], f"{where}geometry.", kind, str(known.get("name", ""))
-            )
+            named = "" if known.get("name") is None else str(known["name"])
+            yield from _shapes(part["geometry"], f"{where}geometry.", kind, named)
     elif isinstance(type_, str) and type_ in DEPTH:
+        if kind in POINTS and type_ != "Point":
+            raise PlanFileError(f"{where}type: must be Point for a {kind}, is {shown(type_)}")
         yield kind, name, _geometry(type_, list_at(part, "coordinates", where), where)
     else:
         allowed = ", ".join(["FeatureCollection", "Feature", "GeometryCollection", *DEPTH])
@@ -128,9 +132,25 @@ def way_as_geojson(points: F64) -> Json:
 
 
 def walls_as_geojson(walls: Sequence[shapely.LineString]) -> Json:
-    """Lines of walls."""
-    features = [_feature(wall, kind="wall") for wall in walls]
+    """Lines of walls, as a map of objects takes them: without points and lines of under 1 mm."""
+    lines = [_thinned(shapely.get_coordinates(wall).round(4)) for wall in walls]
+    features = [_feature(shapely.LineString(line), kind="wall") for line in lines if len(line) > 1]
     return {"type": "FeatureCollection", "features": features}
+
+
+def _thinned(points: F64) -> list[F64]:
+    """Without points that are hardly off the one before; the ends stay, if there are two."""
+
+    def is_near(one: F64, other: F64) -> bool:
+        return math.dist(one, other) < LEAST_M
+
+    kept = [points[0]]
+    for point in points[1:]:
+        if not is_near(kept[-1], point):
+            kept.append(point)
+    while len(kept) > 1 and is_near(kept[-1], points[-1]):
+        kept.pop()
+    return kept if is_near(kept[-1], points[-1]) else [*kept, points[-1]]
 
 
 def _feature(shape: BaseGeometry, **properties: object) -> Json:

@@ -1,6 +1,7 @@
 """Files to floor plans: which kind a file is, and what is wrong with one that is none."""
 
 import json
+import sys
 from pathlib import Path
 
 from core.paths.geometry.space import FloorError
@@ -24,6 +25,9 @@ def _json_of(path: Path) -> Json:
         raise PlanFileError("must be JSON in UTF-8") from None
     except json.JSONDecodeError as error:
         raise PlanFileError(f"must be JSON: line {error.lineno}: {error.msg}") from None
+    except ValueError:  # the other two are of its kind
+        most = sys.get_int_max_str_digits()
+        raise PlanFileError(f"must be JSON, whole numbers of at most {most} digits") from None
     except RecursionError:
         raise PlanFileError("must be JSON of a floor plan, is nested too deep") from None
     if not isinstance(content, dict):

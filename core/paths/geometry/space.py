@@ -46,13 +46,17 @@ def grown(geometry: BaseGeometry, by_m: float) -> BaseGeometry:
     return shapely.buffer(geometry, around_m, quad_segs=SEGMENTS)
 
 
+def kept_m(by_m: float) -> float:
+    """How far from straight walls `narrowed` stays: that, and what its circles and corners cost."""
+    return by_m / math.cos(math.pi / 4 / SEGMENTS) + SMOOTH_M
+
+
 def narrowed(free: BaseGeometry, by_m: float) -> MultiPolygon:
     """All points that lie `by_m` or more inside; half a millimetre may be missing, never too much.
 
     Few corners: the result is smoothed within the margin that is taken for it.
     """
-    margin_m = by_m / math.cos(math.pi / 4 / SEGMENTS) + SMOOTH_M
-    inside = shapely.buffer(free, -margin_m, quad_segs=SEGMENTS)
+    inside = shapely.buffer(free, -kept_m(by_m), quad_segs=SEGMENTS)
     return MultiPolygon(polygons_in(shapely.make_valid(shapely.simplify(inside, SMOOTH_M))))
 
 

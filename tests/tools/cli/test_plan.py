@@ -1,6 +1,7 @@
 """`mapod plan`: figures, files and pictures of a plan; ways from A to B; what wrong use is told."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,34 @@ def test_a_plan_is_told_drawn_and_written(hall: str, tmp_path: Path, capsys: Cap
     assert lines[-1]["geometry"]["coordinates"][-1] == [3.5, 2.5]
     with Image.open(picture) as image:
         assert max(image.size) == pytest.approx(900, abs=30)
+
+
+def test_a_file_is_written_whole_or_not_at_all(hall: str, tmp_path: Path) -> None:
+    out, other = tmp_path / "way.json", tmp_path / "other.json"
+    words = [hall, "--from", "1,2.5", "--to", "1,1", "--radius", "0.2", "--out"]
+    other.write_text("kept")
+    out.hardlink_to(other)
+    assert main([*words, str(out)]) == 0
+    assert json.loads(out.read_text())["type"] == "FeatureCollection"
+    assert other.read_text() == "kept"  # the file that was there was not written into
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        ["hall.geojson", "way.json", "other.json"]
+    )
+    link = tmp_path / "link.json"
+    link.symlink_to(other)
+    assert main([*words, str(link)]) == 0
+    assert link.is_symlink()
+    assert other.read_text() == out.read_text()
+
+
+def test_a_path_goes_into_a_pipe_too(hall: str, tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    words = ["--from", "1,2.5", "--to", "1,1", "--radius", "0.2", "--out", str(pipe)]
+    assert main([hall, *words]) == 0
+    assert json.loads(os.read(reader, 100_000))["type"] == "FeatureCollection"
+    os.close(reader)
 
 
 def test_a_real_map_is_planned_from_its_dock_room_by_room(capsys: Capsys) -> None:

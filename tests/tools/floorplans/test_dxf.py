@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from shapely import LineString
 
 from core.objects.vector_map.geojson import map_from_floor_plan
 from tests import Capsys, Patch
 from tools.cli.plan import UNITS, main
 from tools.floorplans import dxf
-from tools.floorplans.dxf import Reading, plan_from_walls, walls_from_dxf
+from tools.floorplans.dxf import Reading, drawn_in, plan_from_walls
 from tools.floorplans.records import PlanFileError
 
 HALL = [(0, 0), (6000, 0), (6000, 4000), (0, 4000)]  # mm
@@ -26,6 +27,10 @@ def new(unit: int = 4) -> Any:
     drawing = ezdxf.filemanagement.new("R2010")
     drawing.header["$INSUNITS"] = unit
     return drawing
+
+
+def walls_from_dxf(path: Path, reading: Reading) -> list[LineString]:
+    return drawn_in(path, reading).walls
 
 
 def saved(drawing: Any, folder: Path) -> Path:
@@ -88,6 +93,64 @@ def test_a_block_that_is_inserted_in_rows_is_there_as_often(tmp_path: Path) -> N
     }
 
 
+def test_what_is_on_layer_0_of_a_block_is_on_that_of_its_insert(tmp_path: Path) -> None:
+    drawing = new(unit=6)
+    for layer in ("0", "OWN"):
+        drawing.blocks.new(f"IN_{layer}").add_line((0, 0), (1, 0), dxfattribs={"layer": layer})
+    outer = drawing.blocks.new("OUTER")
+    for k, layer in enumerate(("0", "DOORS")):
+        outer.add_blockref("IN_0", (0, 1 + k), dxfattribs={"layer": layer})
+    outer.add_blockref("IN_OWN", (0, 3))
+    rows = {"layer": "WALLS", "row_count": 2, "row_spacing": 10.0}
+    drawing.modelspace().add_blockref("OUTER", (0, 0), dxfattribs=rows)
+    drawing.modelspace().add_line((0, 0), (1, 0))  # on layer 0
+    path = saved(drawing, tmp_path)
+
+    def heights(layer: str) -> list[float]:
+        return sorted(w.coords[0][1] for w in walls_from_dxf(path, Reading(layers=(layer,))))
+
+    told = {layer: heights(layer) for layer in ("WALLS", "DOORS", "OWN", "0")}
+    assert told == {"WALLS": [1, 11], "DOORS": [2, 12], "OWN": [3, 13], "0": [0]}
+
+
+def test_both_lines_of_a_double_wall_are_walls_in_a_turned_block_too(tmp_path: Path) -> None:
+    drawing = new(unit=6)
+    style = drawing.mline_styles.new("WALL")
+    style.dxf.flags = style.FILL  # a hatch between both, which is no wall
+    style.elements.append(0.1)
+    style.elements.append(-0.1)
+    block = drawing.blocks.new("WALL")
+    for space in (drawing.modelspace(), block):
+        kind = {"style_name": "WALL", "justification": 1}  # its points lie in the middle
+        space.add_mline([(0, 0), (5, 0), (5, 5)], dxfattribs=kind)
+    place = {"xscale": 2, "yscale": 2, "zscale": 2, "rotation": 90}
+    drawing.modelspace().add_blockref("WALL", (20, 0), dxfattribs=place)
+    walls = walls_from_dxf(saved(drawing, tmp_path), Reading())
+    assert len(walls) == 8
+    plain, turned = walls[:4], walls[4:]
+    assert sorted(wall.length for wall in plain) == pytest.approx([4.9, 4.9, 5.1, 5.1])
+    assert sorted(wall.length for wall in turned) == pytest.approx([9.8, 9.8, 10.2, 10.2])
+
+
+def test_what_is_drawn_and_no_wall_is_counted(tmp_path: Path) -> None:
+    drawing = new(unit=6)
+    for space in (drawing.modelspace(), drawing.blocks.new("B")):
+        space.add_line((0, 0), (5, 0), dxfattribs={"layer": "WALLS"})
+        space.add_point((1, 1))
+        space.add_text("hall")
+        hatch = space.add_hatch()
+        hatch.paths.add_polyline_path([(0, 0), (1, 0), (1, 1)], is_closed=True)
+    drawing.modelspace().add_blockref("B", (0, 9))
+    drawing.modelspace().add_xline((0, 0), (1, 0))
+    path = saved(drawing, tmp_path)
+    found = drawn_in(path, Reading())
+    assert len(found.walls) == 2
+    assert found.left_out == {"POINT": 2, "XLINE": 1}
+    assert drawn_in(path, Reading(layers=("WALLS",))).left_out == {}
+    with pytest.raises(PlanFileError, match=r"no line is drawn .left out: 2 POINT, 1 XLINE"):
+        drawn_in(path, Reading(layers=("0",)))
+
+
 def nested(deep: int, each: int) -> Any:
     """Blocks of so many blocks each, so deep in each other."""
     drawing = new()
@@ -142,7 +205,47 @@ def test_a_damaged_file_is_read_or_refused(
         assert walls_from_dxf(path, Reading(unit="mm"))
 
 
+@pytest.mark.parametrize("format_", ["asc", "bin"])
+def test_a_file_that_is_cut_is_read_or_refused(hall: Path, tmp_path: Path, format_: str) -> None:
+    whole, cut = tmp_path / "whole.dxf", tmp_path / "cut.dxf"
+    ezdxf.filemanagement.readfile(hall).saveas(whole, fmt=format_)
+    content = whole.read_bytes()
+    for size in (3000, *range(0, len(content), 1 + len(content) // 20)):
+        cut.write_bytes(content[:size])
+        with suppress(PlanFileError):
+            assert walls_from_dxf(cut, Reading())
+
+
+def test_a_header_alone_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.dxf"
+    path.write_text("  0\nSECTION\n  2\nHEADER\n")
+    with pytest.raises(PlanFileError, match="must be a DXF drawing: it ends too early"):
+        walls_from_dxf(path, Reading())
+
+
 DAMAGED = "0\nSECTION\n2\nENTITIES\n0\nLINE\n8\nW\n10\n0\n20\n0\n11\n9\n21\n9\n0\nENDSEC\n0\nEOF\n"
+
+
+def test_walls_are_written_as_a_map_of_objects_begins_with_them(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    drawing = new()
+    space = drawing.modelspace()
+    doubled = [HALL[0], HALL[0], *HALL[1:], (0.4, 0.4)]  # and its end lies beside its beginning
+    space.add_lwpolyline(doubled, close=True)
+    space.add_lwpolyline([(0, 0), (1000.0, 0), (1000.96, 0)])
+    space.add_line((0, 0), (0.5, 0.5))
+    space.add_line((100, 100), (101, 100))  # 1 mm, as numbers are rounded perhaps less
+    space.add_circle((500, 500), 0.4)
+    kept = tmp_path / "walls.json"
+    assert main([str(saved(drawing, tmp_path)), "--walls", str(kept)]) == 0
+    assert capsys.readouterr().out.startswith("2 walls, 21.0 m")
+    walls = map_from_floor_plan(kept.read_text(), 1.0).walls
+    assert [np.ptp(wall.segments[0].reshape(2, 2), axis=0).max() for wall in walls] == (
+        pytest.approx([6.0, 4.0, 6.0, 4.0, 1.001], abs=1e-9)
+    )
+    outline = json.loads(kept.read_text())["features"][0]["geometry"]["coordinates"]
+    assert outline[0] == outline[-1] == [0.0, 0.0]
 
 
 def test_a_drawing_on_the_command_line(hall: Path, tmp_path: Path, capsys: Capsys) -> None:
@@ -152,6 +255,11 @@ def test_a_drawing_on_the_command_line(hall: Path, tmp_path: Path, capsys: Capsy
     assert main([str(hall), "--layers", "WALLS", "--walls", str(kept)]) == 0
     assert capsys.readouterr().out == "2 walls, 22.5 m in all\n"
     assert len(map_from_floor_plan(kept.read_text(), 1.0).walls) == 5  # each side its own
+    drawing = ezdxf.filemanagement.readfile(hall)
+    drawing.modelspace().add_point((0, 0))
+    drawing.saveas(hall)
+    assert main([str(hall), "--walls", str(kept)]) == 0
+    assert capsys.readouterr().err == f"mapod plan: {hall}: left out: 1 POINT\n"
     open_one = saved(one(lambda space: space.add_line((0, 0), (900, 0))), tmp_path)
     assert main([str(open_one)]) == 2
     assert f"{open_one}: no lines of it close in a floor" in capsys.readouterr().err

@@ -81,6 +81,20 @@ def test_geojson_knows_floor_obstacles_rooms_walls_start_and_dock(tmp_path: Path
     assert (plan.start, plan.dock) == (None, (3.5, 0.5))
 
 
+def test_a_polygon_that_is_a_wall_is_no_floor_and_null_is_no_kind_and_no_name(
+    tmp_path: Path,
+) -> None:
+    wall = [[1, 1], [2, 1], [2, 2], [1, 2], [1, 1]]
+    features = [
+        polygon(SQUARE, kind=None, name=None),
+        polygon(wall, kind="wall"),
+        polygon(wall, kind="room", name=None),
+    ]
+    plan = load_plan(written(tmp_path, {"type": "FeatureCollection", "features": features}))
+    assert plan.free.area == pytest.approx(11.0)
+    assert [name for name, _ in plan.rooms] == ["1"]
+
+
 MAP = {"metaData": {"version": 2}, "pixelSize": 5, "layers": []}
 
 
@@ -101,6 +115,16 @@ MAP = {"metaData": {"version": 2}, "pixelSize": 5, "layers": []}
         ({"type": "Polygon", "coordinates": [[0, 1, 2]]}, r"must be points \[x, y\], is 0"),
         ({"type": "Point", "coordinates": [1, 2]}, "kind must be start or dock"),
         (polygon(SQUARE, kind="lawn"), 'properties.kind: must be of floor, .* is "lawn"'),
+        (polygon(SQUARE, kind="start"), 'geometry.type: must be Point for a start, is "Polygon"'),
+        (
+            {
+                "type": "Feature",
+                "properties": {"kind": "dock"},
+                "geometry": {"type": "LineString", "coordinates": [[0, 0], [1, 1]]},
+            },
+            'geometry.type: must be Point for a dock, is "LineString"',
+        ),
+        ('{"type": "Point", "coordinates": [' + "9" * 5000 + ", 1]}", "at most 4300 digits"),
         (polygon(SQUARE, kind="\x1b[31m"), r"kind: must be of floor, .* is .\\u001b\[31m.$"),
         (polygon([[0, 0], [9e6, 0], [0, 9e6], [0, 0]]), "at most 5000 m long, is 9e"),
         ({**MAP, "metaData": {"version": 3}}, "metaData.version: must be 1 or 2, is 3"),

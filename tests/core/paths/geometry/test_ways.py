@@ -1,6 +1,7 @@
 """Shortest ways: against a slow and obvious model, round corners, and why there is none."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from core.paths.geometry.rings import length_of
-from core.paths.geometry.space import narrowed, polygons_in
+from core.paths.geometry.space import FloorError, narrowed, polygons_in
 from core.paths.geometry.ways import NoWay, Way, find_way
 from tests.core.paths.floors import KINDS
 
@@ -99,7 +100,15 @@ def test_a_labyrinth_is_walked_to_its_end() -> None:
             (4, 1),
             0.15,
             "gap",
-            "the widest gap between start and goal is 0.248 m wide, at 2.00,1.02: 0.052 m",
+            "the widest gap between start and goal is 0.250 m wide, at 2.00,1.02: 0.053 m too "
+            "narrow, must be 0.303 m",
+        ),
+        (
+            (2.5, 1.0),
+            (4, 1),
+            0.125,
+            "start",
+            "start: 2.5,1 is 0.100 m from a wall or obstacle, must be 0.127 m",
         ),
     ],
 )
@@ -125,6 +134,45 @@ def test_a_gap_that_is_wide_enough_is_taken_and_walls_without_one_are_told() -> 
 def test_the_gap_is_measured_and_found() -> None:
     found = find_way(shapely.union_all([*TWO, CORRIDOR]), 0.2, (1, 1), (4, 1))
     assert isinstance(found, NoWay)
-    assert found.needed_m == 0.4
-    assert found.there_m == pytest.approx(0.25, abs=0.002)
+    assert found.needed_m == pytest.approx(0.4, abs=0.003)
+    assert found.there_m == pytest.approx(0.25, abs=1e-3)
     assert 1.9 < found.place[0] < 3.1
+
+
+@given(margin_m=st.floats(0.02, 0.6), more_m=st.floats(-1e-3, 4e-3), is_gap=st.booleans())
+def test_what_is_hardly_too_little_is_told_as_less_than_what_must_be(
+    margin_m: float, more_m: float, is_gap: bool
+) -> None:
+    half_m = margin_m + more_m
+    hall = shapely.box(0, -2, 3, 2)
+    if is_gap:
+        ways = shapely.union_all(
+            [hall, shapely.box(6, -2, 9, 2), shapely.box(2, -half_m, 7, half_m)]
+        )
+        found = find_way(ways, margin_m, (1, 0), (8, 0))
+    else:
+        found = find_way(hall, margin_m, (half_m, 0), (1.5, 0))
+    if isinstance(found, Way):
+        assert half_m > margin_m
+        return
+    words = re.findall(r"([\d.]+) m", found.describe())
+    there_m, must_m = float(words[0]), float(words[-1])
+    assert there_m < must_m
+    assert there_m == pytest.approx(half_m * (1 + is_gap), abs=1.2e-3)
+    assert all(float(word) > 0 for word in words)
+    enough = shapely.box(0, -must_m / (1 + is_gap), 9, must_m / (1 + is_gap))
+    assert isinstance(find_way(enough, margin_m, (1, 0), (8, 0)), Way)
+
+
+@pytest.mark.parametrize("bad", [(math.nan, 1.0), (1.0, math.inf)])
+def test_an_end_that_is_no_number_is_named(bad: tuple[float, float]) -> None:
+    with pytest.raises(FloorError, match="start: must be two finite numbers, is"):
+        find_way(TWO[0], 0.1, bad, (1, 1))
+    with pytest.raises(FloorError, match="goal: must be two finite numbers, is"):
+        find_way(TWO[0], 0.1, (1, 1), bad)
+
+
+def test_a_start_that_is_hardly_off_the_floor_is_told_with_enough_digits() -> None:
+    found = find_way(TWO[0], 0.1, (-2e-5, 1), (1, 1))
+    assert isinstance(found, NoWay)
+    assert found.describe() == "start: -2e-05,1 lies 0.00002 m off the floor"

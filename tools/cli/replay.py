@@ -190,7 +190,7 @@ def parser() -> Parser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status: 0 mapped, and as recorded where that is judged; 1 not; 2 wrong use; 130 Ctrl-C."""
+    """Exit status: 0 mapped, and as recorded where judged; 1 not; 2 wrong use; 130 Ctrl-C."""
     options = parser().parse_args(arguments)
     if options.at is not None and not options.picture:
         return fail("replay", "--at says when --picture is taken: name one")

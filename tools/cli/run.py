@@ -113,7 +113,7 @@ def init(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     path: Path = options.out
     try:
-        text, added = ROBOTS.get(options.robot, SHIPPED_CONFIG).read_bytes(), []
+        text, added = ROBOTS.get(options.robot, SHIPPED_CONFIG).read_bytes(), list[str]()
         if options.older:
             text, added = _merged(options.older.read_bytes(), text, options.robot)
         with path.open("xb") as file:

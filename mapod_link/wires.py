@@ -27,6 +27,7 @@ SO_TIMESTAMPNS = 35  # Linux: the kernel stamps each datagram as it arrives
 NOBODY = (errno.ECONNREFUSED, errno.EAGAIN, errno.ENETUNREACH, errno.EHOSTUNREACH, errno.ENOBUFS)
 PROVEN_FOR_S = 1.0
 READ_SIZE, DATAGRAM_SIZE = 4096, 2048
+MOST_PORT = 65535
 READS = 64  # at a time, so that a flood leaves time to answer
 
 
@@ -256,6 +257,9 @@ def wire_from_url(url: str) -> Wire:
     must_be = "must be udp://host:port, tcp://host:port or serial:///path?baud=115200"
     try:
         parts = urlsplit(url)
+        number = parts.netloc.rpartition(":")[2]
+        if number.isdecimal() and int(number) > MOST_PORT:
+            must_be = f"the port must be within 1..{MOST_PORT}, is {number}"
         port, [baud] = parts.port, parse_qs(parts.query).get("baud", ["115200"])
         baud_given = int(baud)
     except ValueError:  # also a port beyond 65535, or two rates

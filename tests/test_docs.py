@@ -4,6 +4,7 @@ import importlib
 import re
 
 from config_file import load_config
+from core.mapping.layers import UNITS
 from tests import ROOT, VECTORS
 from tools.docs.files import file_list
 
@@ -48,6 +49,11 @@ def test_the_shipped_settings_load_and_each_has_a_comment_or_a_group_that_has() 
     settings = [line for line in text.splitlines() if re.match(r"\w+ = ", line)]
     assert len(settings) > 40
     assert sum("#" in line for line in settings) > 0.8 * len(settings)
+
+
+def test_every_layer_that_can_be_exported_is_named() -> None:
+    words = re.findall(r"`(?:--layer )?(\w+)`", WRITTEN["docs/export.md"])
+    assert UNITS.keys() <= set(words)
 
 
 def test_no_file_names_a_path_of_some_machine() -> None:

@@ -212,7 +212,8 @@ class FakeMti(Faults):
         return b""
 
     def _go_to_measurement(self) -> Answer:
-        code = self.memory.check_fits(self.memory.outputs) if self.memory.mtdata2 else 0
+        memory = self.memory
+        code = memory.check_fits(memory.outputs, self.baud) if memory.mtdata2 else 0
         if code:
             return code
         self.state = State.MEASURING
@@ -228,7 +229,7 @@ class FakeMti(Faults):
         taken = maybe_outputs(data, memory.model) if data else memory.outputs
         if isinstance(taken, int):
             return taken
-        code = memory.check_fits(taken)
+        code = memory.check_fits(taken, self.baud)
         if code:
             return code
         if data:

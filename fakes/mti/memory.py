@@ -87,14 +87,14 @@ class Memory:
         about = self.model.firmware[:3] + self.model.filter
         return head + bytes(88) + b"\0\1" + identity + tail + kind + about
 
-    def check_fits(self, outputs: Outputs) -> int:
-        """0, or the Error of outputs that the line cannot carry."""
+    def check_fits(self, outputs: Outputs, baud: int) -> int:
+        """0, or the Error of outputs that a line of this rate cannot carry."""
         step = stride(outputs, self.model.base_hz)
         messages_hz = self.model.base_hz / step if step else 0.0
         headers = sum(3 + packet_size(i) for i, _ in outputs if not is_rated(i))
         rated = sum((3 + packet_size(i)) * hz for i, hz in outputs if is_rated(i))
         bytes_per_s = messages_hz * (headers + FRAME_BYTES) + rated
-        return TOO_MUCH_DATA if bytes_per_s * 10 > self.baud else 0
+        return TOO_MUCH_DATA if bytes_per_s * 10 > baud else 0
 
 
 @dataclass(frozen=True, slots=True)

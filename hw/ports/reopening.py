@@ -35,7 +35,8 @@ CHEAP = {errno.ECONNREFUSED, errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDO
 
 
 def describe_loss(error: OSError | termios.error | ValueError, where: str) -> str:
-    code = error.args[0] if error.args and isinstance(error.args[0], int) else 0
+    told = error.__context__ if isinstance(error.__context__, termios.error) else error
+    code = told.args[0] if told.args and isinstance(told.args[0], int) else 0
     if code in REASONS:
         return REASONS[code].format(where=where)
     return f"{where}: {os.strerror(code) if code else error}"

@@ -11,6 +11,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from core.records import F64, ScannerSpec
+from hw.urg04lx.sensor import LEAST_RANGE_MM
 
 Model = Literal["URG-04LX", "URG-04LX-UG01", "UTM-30LX", "UST-10LX"]
 CHECKED, MOST_CORRECTED_M = 101, 1.0  # ranges at which a correction is checked; what none exceeds
@@ -67,6 +68,11 @@ class Urg04lxOptions(Struct, frozen=True):
     def step_deg(self) -> float:
         """Between two values of a scan."""
         return 360.0 / MODELS[self.model][0] * self.cluster
+
+    @property
+    def least_m(self) -> float:
+        """The nearest range that it tells; less stands for none."""
+        return LEAST_RANGE_MM / 1000
 
     @property
     def period_s(self) -> float:

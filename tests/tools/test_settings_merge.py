@@ -65,9 +65,24 @@ def test_the_command_writes_a_new_file_and_leaves_the_old(tmp_path: Path, capsys
     older, out = tmp_path / "old.toml", tmp_path / "new.toml"
     older.write_text(MAX_AGE.sub("", SHIPPED), encoding="utf-8")
     assert main(["init", "--from", str(older), "--out", str(out)]) == 0
-    assert capsys.readouterr().out == "new setting: [obstacle] free_max_age_s = 120\n"
+    told = f"{out} is written: the new settings are those above\n"
+    assert capsys.readouterr().out == f"new setting: [obstacle] free_max_age_s = 120\n{told}"
     assert load_config(out.read_text(encoding="utf-8")) == load_config(SHIPPED)
     older.write_text("[loop]\nrate_hz = 1\n", encoding="utf-8")
     assert main(["init", "--from", str(older), "--out", str(tmp_path / "x")]) == 2
     assert "loop.rate_hz: must be a number from 10 to 1000" in capsys.readouterr().err
     assert not (tmp_path / "x").exists()
+
+
+def test_the_command_tells_that_nothing_was_new_and_refuses_another_robot(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    older, out = tmp_path / "old.toml", tmp_path / "new.toml"
+    older.write_text(SHIPPED, encoding="utf-8")
+    given = ["init", "--from", str(older), "--out", str(out)]
+    assert main([*given, "--robot", "cart"]) == 2
+    told = "[scanner] driver is 'lms111', of --robot cart 'urg04lx'"
+    assert capsys.readouterr().err == f"mapod init: {older}: {told}\n"
+    assert not out.exists()
+    assert main(given) == 0
+    assert capsys.readouterr().out == f"{out} is written: no setting is new\n"

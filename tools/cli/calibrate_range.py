@@ -53,7 +53,7 @@ class Report:
     found: RangeFit
     before_m: F64  # (n,) by which each target is too far with the present settings
     errors_m: F64  # (n,) of the readings, 1 sigma
-    present_m: tuple[float, float]  # from the nearest to the farthest range that is told now
+    device_m: tuple[float, float]  # from the nearest to the farthest range that the scanner tells
 
     @classmethod
     def of(cls, targets: list[Target], config: Config, placed_m: float) -> "Report":
@@ -65,7 +65,7 @@ class Report:
             fit(targets, placed_m),
             options.corrected_m(read_m) - true_m,
             np.array([target.error_m(placed_m) for target in targets]),
-            (float(min(options.correction_m)), float(options.spec.max_range_m)),
+            (options.least_m, options.spec.max_range_m),
         )
 
     def table(self) -> list[str]:
@@ -92,7 +92,7 @@ class Report:
     def doubts(self) -> list[str]:
         """What a person should know before believing it."""
         found, told = self.found, []
-        (near_m, far_m), (least_m, most_m) = found.correction_m, self.present_m
+        (near_m, far_m), (least_m, most_m) = found.correction_m, self.device_m
         if found.terms < TERMS:
             told.append("six targets or more are needed for the third order")
         if not found.tested:

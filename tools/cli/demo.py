@@ -82,18 +82,21 @@ def run(options: argparse.Namespace, world: list[str], app: Sequence[str], conso
 
             with robot.ended():
                 address, page_url = ("", "") if options.no_page else page(robot, settings, stop)
-                say(address or "no page")
-                say(f'starting the world "{options.scene}" (seed {options.seed})')
                 if options.record:
                     values["record.path"] = recorded_to(options.record)
                 values["planner.port"] = [wire.url, page_url] if page_url else wire.url
-                robot.start(world, Path(options.config), values, stop, app)
-                say(f"the app is starting; its map comes to {wire.url}; Ctrl-C ends all")
-                keys = options.drive and (sys.stdin.isatty() or not page_url)  # else by the page
-                speeds = (DRIVEN_MPS, DRIVEN_RADPS) if keys else None
-                watch_and_drive(end, console, done, speeds, address)
+                if not stop.wanted:
+                    say(address or "no page")
+                    say(f'starting the world "{options.scene}" (seed {options.seed})')
+                    robot.start(world, Path(options.config), values, stop, app)
+                if not stop.wanted:
+                    say(f"the app is starting; its map comes to {wire.url}; Ctrl-C ends all")
+                    keys = options.drive and (sys.stdin.isatty() or not page_url)  # else the page
+                    speeds = (DRIVEN_MPS, DRIVEN_RADPS) if keys else None
+                    watch_and_drive(end, console, done, speeds, address)
                 now_s = end.step(0.0)
-            print_summary(end, console, now_s)
+            if robot.mapped_s < math.inf or not stop.wanted:
+                print_summary(end, console, now_s)
     except (RunError, NotThereError, OSError, ValueError) as error:
         return fail("demo", error, 1)
     say("all processes have ended")

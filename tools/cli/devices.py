@@ -25,8 +25,8 @@ from hw.ax3500.lines import CR, ENCODER_BIT, Line, LineParser, encode_query, may
 from hw.fingerprint import NAMES, maybe_protocol
 from hw.lms1xx.telegrams import new_parser
 from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame
-from hw.ports.url import PortUrlError, parse_url
 from hw.ports.v4l2 import KERNEL, Kernel, fault_of_camera, name_of
+from hw.ports.wires import PortUrlError, open_port, parse_url
 from hw.urg04lx.conversation import RATES
 from hw.urg04lx.scip import ScipParser
 from tools.cli import scanner, scip
@@ -275,13 +275,13 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         for path in paths:
             parse_url(LINE_URL.format(path=path, baud=MTI_BAUDS[0]))
-        for host in options.scanner:
-            parse_url(f"tcp://{host}" if ":" in host else f"tcp://{host}:{SCANNER_PORTS[0]}")
+        for host in options.scanner:  # its name is looked up, nothing is opened
+            open_port(f"tcp://{host}" if ":" in host else f"tcp://{host}:{SCANNER_PORTS[0]}")
+        if not paths and not cameras and not options.scanner:
+            return fail("devices", NO_PORTS, 1)
+        found = [*all_found(paths, options.scanner), *map(find_camera, cameras)]
     except PortUrlError as error:
         return fail("devices", error)
-    if not paths and not cameras and not options.scanner:
-        return fail("devices", NO_PORTS, 1)
-    found = [*all_found(paths, options.scanner), *map(find_camera, cameras)]
     for one in found:
         about = getattr(adapters.get(one.place), "description", "")
         print(f"# {one.place}: {one.says}{f' ({about})' if about else ''}")

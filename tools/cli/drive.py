@@ -135,7 +135,7 @@ def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused or silent, 2 wrong use."""
     arguments = list(sys.argv[1:] if given is None else given)
     if arguments[:1] == ["keys"]:
-        return view.main([*arguments[1:], "--drive"])
+        return view.main([*arguments[1:], "--drive"], "drive keys")
     options = parser().parse_args(arguments)
 
     def act(talk: Conversation) -> Iterable[str]:

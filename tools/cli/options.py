@@ -6,6 +6,7 @@ use ends with status 2 and one line.
 
 import argparse
 import contextlib
+import errno
 import importlib.util
 import math
 import sys
@@ -140,5 +141,30 @@ def lacks_simulation() -> str:
 def fail(command: str, reason: object, status: int = USAGE) -> int:
     if isinstance(reason, BrokenPipeError):  # nobody reads on: for `command.main`
         raise reason
-    print(f"mapod {command}: {reason}", file=sys.stderr, flush=True)
+    words = words_of(reason) if isinstance(reason, OSError) else reason
+    print(f"mapod {command}: {words}", file=sys.stderr, flush=True)
     return status
+
+
+def words_of(error: OSError) -> str:
+    """What it is about and what is wrong with it, without the system's number."""
+    if error.errno is None:
+        return str(error)
+    why = "no such file or folder" if error.errno == errno.ENOENT else error.strerror
+    return str(why) if error.filename is None else f"{error.filename}: {why}"
+
+
+def cannot_be_written(*files: tuple[str, Path | None, str]) -> str:
+    """Which of the files that are asked for can't be, before any work is done; or "".
+
+    Args:
+        files: option, what it was given, and how its name must end ("": as it likes).
+    """
+    for option, path, ending in files:
+        if path is None:
+            continue
+        if ending and path.suffix.lower() != ending:
+            return f"{option} {path}: must end with {ending}"
+        if path.is_dir() or not path.parent.is_dir():
+            return f"{option} {path}: must be a file in a folder that is there"
+    return ""

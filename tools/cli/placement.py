@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from core.config import ConfigError
+from core.device_settings import Scanner
+from hw.stripe.options import StripeOptions
 from tools.cli.options import a_seed, configured, fail, number_in, parser_of, value_of
 from tools.placement.field import flat
 from tools.placement.measure import Result, fields_of, measured, over
@@ -31,14 +33,16 @@ def a_count(text: str) -> int:
 def of_settings(path: Path) -> Sensor:
     """Raises ConfigError, MountError: no such settings; a mount that the model has not."""
     scanner = configured(path).scanner
-    spec = scanner.options.spec
-    if not spec.is_plane or np.abs(spec.directions[:, 2]).max() > 1e-6:
-        raise MountError("scanner: must have one plane of rays")
     for key in ("mount_roll_deg", "mount_yaw_deg"):
         if getattr(scanner, key) != 0:
             raise MountError(f"{key}: must be 0 here, is {getattr(scanner, key):g}")
     if not 0 < scanner.mount_tilt_deg < 90:
         raise MountError(f"mount_tilt_deg: must look down, is {scanner.mount_tilt_deg:g}")
+    if isinstance(scanner.options, StripeOptions):
+        return of_stripe(scanner, scanner.options)
+    spec = scanner.options.spec
+    if not spec.is_plane or np.abs(spec.directions[:, 2]).max() > 1e-6:
+        raise MountError(f"scanner.driver: {scanner.driver!r} has not one plane of rays")
     bearings_rad = np.arctan2(spec.directions[:, 1], spec.directions[:, 0])
     return Sensor(
         name="settings",
@@ -49,6 +53,29 @@ def of_settings(path: Path) -> Sensor:
         reach_m=spec.max_range_m,
         sigma_m=spec.sigma_m,
         sigma_share=spec.sigma_share,
+    )
+
+
+def of_stripe(scanner: Scanner, options: StripeOptions) -> Sensor:
+    """A camera and its laser, without the lens's distortion. Raises MountError: one beside it."""
+    if options.along != "columns" or min(options.baseline_m, options.laser_deg) <= 0:
+        raise MountError(
+            'scanner: the laser must be above the camera and dip: along = "columns", '
+            "baseline_m and laser_deg above 0; else give --sensor stripe"
+        )
+    (wide_px, high_px), lens = options.image_px, options.lens
+    return Sensor(
+        name="settings",
+        z_m=scanner.mount_z_m,
+        tilt_rad=math.radians(scanner.mount_tilt_deg),
+        right_rad=-math.atan((wide_px - 0.5 - lens.cx) / lens.fx),
+        left_rad=math.atan((lens.cx + 0.5) / lens.fx),
+        reach_m=options.max_range_m,
+        baseline_m=options.baseline_m,
+        angle_rad=math.radians(options.laser_deg),
+        focal_px=lens.fy,
+        half_high_px=min(lens.cy + 0.5, high_px - 0.5 - lens.cy),
+        sigma_px=options.sigma_px,
     )
 
 

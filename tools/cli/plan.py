@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tools.cli.options import fail, number_in, parser_of, value_of
+from tools.cli.options import cannot_be_written, fail, number_in, parser_of, value_of
 
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon
@@ -149,7 +149,7 @@ def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") ->
 
     start, dock = options.start or plan.start, options.dock or plan.dock
     if options.dock is not None and options.start is None:
-        start = options.dock
+        start = None  # it begins there
     if options.free_ends:
         start = dock = None
     begin_s = time.perf_counter()
@@ -256,6 +256,9 @@ def main(given: list[str] | None = None) -> int:
         return fail("plan", NOT_INSTALLED)
     if options.is_drawing and importlib.util.find_spec("ezdxf") is None:
         return fail("plan", NO_DXF)
+    written = ("--picture", options.picture, ".png"), ("--out", options.out, "")
+    if why := cannot_be_written(*written, ("--walls", options.walls, "")):
+        return fail("plan", why)
     from core.paths.geometry.space import FloorError
     from core.paths.records import Machine
     from tools.floorplans.plan_file import load_plan

@@ -9,6 +9,7 @@ import argparse
 import importlib.util
 import json
 import math
+import signal
 from dataclasses import asdict
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from tools.cli.options import (
     ROOT,
     SHIPPED_CONFIG,
     Parser,
+    cannot_be_written,
     configured,
     fail,
     lacks_simulation,
@@ -154,22 +156,6 @@ def lacks_libraries(options: argparse.Namespace) -> str:
     return ""
 
 
-def cannot_be_written(options: argparse.Namespace) -> str:
-    """Which of the files that are asked for can't be, before anything is played; or ""."""
-    for option, path, ending in (
-        ("--picture", options.picture, ".png"),
-        ("--video", options.video, ".mp4"),
-        ("--out", options.out, ""),
-    ):
-        if path is None:
-            continue
-        if ending and path.suffix.lower() != ending:
-            return f"{option} {path}: must end with {ending}"
-        if path.is_dir() or not path.parent.is_dir():
-            return f"{option} {path}: must be a file in a folder that is there"
-    return ""
-
-
 def parser() -> Parser:
     own = parser_of(
         "replay",
@@ -204,22 +190,33 @@ def parser() -> Parser:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Exit status: 0 mapped, and as recorded where that is judged; 1 not; 2 wrong use."""
+    """Exit status: 0 mapped, and as recorded where judged; 1 not; 2 wrong use; 130 Ctrl-C."""
     options = parser().parse_args(arguments)
     if options.at is not None and not options.picture:
         return fail("replay", "--at says when --picture is taken: name one")
-    if why := cannot_be_written(options) or lacks_libraries(options):
+    written = (
+        ("--picture", options.picture, ".png"),
+        ("--video", options.video, ".mp4"),
+        ("--out", options.out, ""),
+    )
+    if why := cannot_be_written(*written) or lacks_libraries(options):
         return fail("replay", why)
     try:
         source = source_of(options)
         playing = Playing(source.replay)
+        is_stopped = False
         try:
             for line in source.about():
                 print(f"mapod: {line}")
             play(source, playing, options, Console())
         except KeyboardInterrupt:
-            print("mapod: stopped by Ctrl-C")
-        return tell(source, playing, options.out)
+            is_stopped = True
+        status = tell(source, playing, options.out)
+        if is_stopped:
+            played_s = source.replay.now_s - source.replay.begin_s
+            told = f"stopped by Ctrl-C after {played_s:.1f} s: the rest was not played"
+            return fail("replay", told, 128 + signal.SIGINT)
+        return status
     except (NoReplayError, RecordingError, CaptureError, InstantError, ConfigError) as error:
         return fail("replay", error)
     except OSError as error:

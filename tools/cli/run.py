@@ -10,11 +10,12 @@ import sys
 import threading
 from pathlib import Path
 
+from config_file import load_config
 from core.config import ConfigError
 from main import RECORD, UNATTENDED
 from main import run as run_app
 from tools.cli.options import ROBOTS, ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
-from tools.settings_merge import merged
+from tools.settings_merge import DEVICES, merged
 from version import version as app_version
 
 FILES = "load_map", "save_map", "load_objects", "save_objects", "record"  # options of the app
@@ -106,14 +107,15 @@ def init(arguments: list[str] | None = None) -> int:
     parser = parser_of("init", about, *examples)
     older = "settings of an older version: kept as they are, and what is new is added"
     parser.add_argument("--from", type=Path, dest="older", metavar="FILE", help=older)
-    parser.add_argument("--robot", choices=ROBOTS, help="one of robots/")
+    with_from = "with --from, what is new is as there, and its drivers must be the same"
+    parser.add_argument("--robot", choices=ROBOTS, help=f"one of robots/; {with_from}")
     parser.add_out("the file to write", Path("mapod.toml"))
     options = parser.parse_args(arguments)
     path: Path = options.out
     try:
-        text = ROBOTS.get(options.robot, SHIPPED_CONFIG).read_bytes()
+        text, added = ROBOTS.get(options.robot, SHIPPED_CONFIG).read_bytes(), list[str]()
         if options.older:
-            text = _merged(options.older.read_bytes(), text)
+            text, added = _merged(options.older.read_bytes(), text, options.robot)
         with path.open("xb") as file:
             file.write(text)
     except FileExistsError:
@@ -122,15 +124,24 @@ def init(arguments: list[str] | None = None) -> int:
         return fail("init", f"{options.older}: {error}")
     except OSError as error:
         return fail("init", f"{error.filename or path}: {error.strerror}")
-    if not options.older:
+    for line in added:
+        print(f"new setting: {line}")
+    if options.older:
+        new = "the new settings are those above" if added else "no setting is new"
+        print(f"{path} is written: {new}")
+    else:
         print(f"{path} is written. Next: mapod devices, then mapod check --config {path}")
         print(f"A planner in C includes {HEADER}; example.c lies beside it")
     return 0
 
 
-def _merged(older: bytes, shipped: bytes) -> bytes:
-    """Raises ConfigError, UnicodeDecodeError."""
+def _merged(older: bytes, shipped: bytes, robot: str | None) -> tuple[bytes, list[str]]:
+    """The text, and what is new in it. Raises ConfigError, UnicodeDecodeError."""
     result = merged(older.decode("utf-8"), shipped.decode("utf-8"))
-    for line in result.added:
-        print(f"new setting: {line}")
-    return result.text.encode("utf-8")
+    if robot is not None:
+        own, its = load_config(result.text), load_config(shipped.decode("utf-8"))
+        for section in DEVICES:
+            driver, other = (getattr(config, section).driver for config in (own, its))
+            if driver != other:
+                raise ConfigError(f"[{section}] driver is {driver!r}, of --robot {robot} {other!r}")
+    return result.text.encode("utf-8"), result.added

@@ -141,6 +141,8 @@ def tell(
 def main(arguments: list[str] | None = None) -> int:
     """Exit status: 0 each job has scores, 1 some have none, 2 wrong use."""
     options = arguments_of(arguments)
+    if options.out.exists() and not options.out.is_dir():
+        return fail(NAME, f"--out: must be a folder, {str(options.out)!r} is a file")
     console = Console() if sys.stdout.isatty() else Console(width=WIDE)
     ended: list[Done] = []
     try:

@@ -44,6 +44,7 @@ from tools.terminal.steer import Steering, keys_of
 PICTURE_PERIOD_S, PROGRESS_PERIOD_S = 0.1, 3.0
 WAIT_S = 0.02
 PAGE_AT = "127.0.0.1", 8750
+PORT = "udp://127.0.0.1:9750"
 NO_FOXGLOVE = "--foxglove needs the extra foxglove: pip install '/path/to/mapod[foxglove]'"
 NO_PAGE = "the page needs the extra view: pip install '/path/to/mapod[view]'; --terminal does not"
 ZONE_STYLES = {1: GOOD, 2: POOR}  # by state; all others are bad
@@ -134,9 +135,13 @@ def print_summary(end: PlannerEnd, console: Console, now_s: float) -> None:
         console.print(line if has_screen(console) else Text(line.plain), soft_wrap=True)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Exit status: 0 ended as it was told to, 1 the wire is gone, 2 wrong use."""
-    options = options_of(arguments)
+def main(arguments: list[str] | None = None, command: str = "view") -> int:
+    """Exit status: 0 ended as it was told to, 1 the wire is gone, 2 wrong use.
+
+    Args:
+        command: by which it was called, for what is told of wrong use.
+    """
+    options = options_of(arguments, command)
     if options.foxglove:
         if importlib.util.find_spec("foxglove") is None:
             return fail("view", NO_FOXGLOVE)
@@ -152,16 +157,17 @@ def main(arguments: list[str] | None = None) -> int:
     return serve_page(options)
 
 
-def options_of(arguments: list[str] | None) -> argparse.Namespace:
+def options_of(arguments: list[str] | None, command: str) -> argparse.Namespace:
     parser = parser_of(
-        "view",
+        command,
         __doc__,
         "mapod view",
         "mapod view udp://0.0.0.0:9751 --http 0.0.0.0:8750 --token-file view.token",
         "mapod view --terminal --port 'serial:///dev/planner?baud=115200' --drive",
     )
     parser.add_argument("url", nargs="?", help="the same as --port")
-    parser.add_port("udp://0.0.0.0:9750", "udp://127.0.0.1:9750")
+    parser.add_port("udp://0.0.0.0:9750", PORT)
+    parser.set_defaults(command=command, port=None)
     parser.add_seconds("until Ctrl-C")
     parser.add_key()
     add, terminal = parser.add_argument, "in the terminal"
@@ -178,7 +184,9 @@ def options_of(arguments: list[str] | None) -> argparse.Namespace:
     add("--foxglove", action="store_true", help="no page: serve Foxglove or Lichtblick")
     add("--foxglove-port", type=a_port, default=8765, help="on this machine (8765)")
     options = parser.parse_args(arguments)
-    options.port = options.url or options.port
+    if options.url is not None and options.port is not None:
+        parser.error("URL and --port are the same: give one of them")
+    options.port = options.url or options.port or PORT
     return options
 
 
@@ -200,14 +208,16 @@ def in_terminal(options: argparse.Namespace) -> int:
     try:
         key = read_key(options.key_file)
         wire = wire_from_url(options.port)
-    except (ConfigError, OSError, ValueError) as error:
-        return fail("view", error)
+    except (ConfigError, ValueError) as error:
+        return fail(options.command, error)
+    except OSError as error:
+        return fail(options.command, f"{options.port}: {error.strerror or error}", 1)
     with contextlib.closing(wire), Stop().on_signals() as stop:
         try:
             return show(options, PlannerEnd(wire, WatchingReceiver(key)), stop)
         except (OSError, ValueError) as error:
             words = getattr(error, "strerror", None) or error
-            return fail("view", f"{options.port}: {words}", 1)
+            return fail(options.command, f"{options.port}: {words}", 1)
 
 
 def show(options: argparse.Namespace, end: PlannerEnd, stop: Stop) -> int:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 
 FORMS = "seconds from the begin, HH:MM:SS or 2026-03-01T12:03:05 (UTC)"
-TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:\.\d+)?)Z?")
+TIME_OF_DAY = re.compile(r"([01]?\d|2[0-3]):([0-5]\d):([0-5]\d(?:\.\d+)?)Z?")
 SLACK_S = 1.0  # a whole second that was cut off from either end is meant to be inside
 
 
@@ -33,6 +33,8 @@ class Timeline:
         t_s = self._maybe_instant(text.strip())
         if t_s is None:
             raise InstantError(f"{option}: must be {FORMS}, is {text!r}")
+        if t_s < self.begin_s and text.strip().startswith("-"):
+            raise InstantError(f"{option}: must be 0 s from the begin or more, is {text}")
         if not self.begin_s - SLACK_S <= t_s <= self.end_s + SLACK_S:
             span = f"{self.clock(self.begin_s)} to {self.clock(self.end_s)} UTC"
             length_s = self.end_s - self.begin_s

@@ -19,9 +19,10 @@ from types import FrameType
 from mapod_link.receiver import Receiver
 from tools.cli.options import ROOT, configured
 from tools.settings import rewritten
+from tools.terminal.compiling import Patience
 
-READY_S = 60.0  # compiling the kernels anew fits in
-FIRST_MAP_S = 120.0  # of an app; compiling the kernels anew fits in
+READY_S = 60.0  # or since the newest kernel was compiled
+FIRST_MAP_S = 120.0  # of an app, likewise
 GRACE_S = 15.0  # to end when asked to: an app waits 3 s for its writer, and others may be busy here
 TAIL_LINES = 25
 PR_SET_PDEATHSIG = 1
@@ -111,13 +112,13 @@ class Child:
 
 def first_lines_of(child: Child, count: int, stop: Stop) -> list[str]:
     """Its first lines; []: the wait was broken off. Raises RunError: they don't come."""
-    overdue_s = time.monotonic() + READY_S
+    patience = Patience(time.monotonic(), READY_S, say)
     while not stop.wanted:
         lines = child.out.read_text(errors="replace").split("\n")
         if len(lines) > count:
             return lines[:count]
         child.check_alive()
-        if time.monotonic() > overdue_s:
+        if patience.is_over(time.monotonic()):
             raise RunError(f"the {child.name} is not ready after {READY_S:.0f} s")
         time.sleep(0.02)
     return []
@@ -148,7 +149,7 @@ class SimulatedRobot:
         self.folder = folder
         self.children: list[Child] = []
         self.mapped_s = math.inf  # when the first map was there
-        self._overdue_s = math.inf
+        self._patience: Patience | None = None  # with the app
 
     def start(
         self,
@@ -186,7 +187,7 @@ class SimulatedRobot:
         kept = {"record.flight": str(self.folder / "flight")}
         config.write_text(rewritten(settings.read_text(), kept | ports | dict(values)))
         self.children.append(Child("app", [*app, str(config)], self.folder))
-        self._overdue_s = time.monotonic() + FIRST_MAP_S
+        self._patience = Patience(time.monotonic(), FIRST_MAP_S, lambda words: None)
 
     def has_map(self, now_s: float, planner: Receiver, modes: Container[int] = MODES) -> bool:
         """Whether a planner has got a map from an app in one of these modes by now.
@@ -200,7 +201,7 @@ class SimulatedRobot:
             return True
         if not planner.blank and planner.pose is not None and planner.pose.mode in modes:
             self.mapped_s = now_s
-        elif now_s > self._overdue_s:
+        elif self._patience is not None and self._patience.is_over(now_s):
             words = self.children[-1].last_words()
             raise RunError(f"no map within {FIRST_MAP_S:.0f} s; the app's last words:\n{words}")
         return self.mapped_s < math.inf

@@ -44,7 +44,7 @@ def _of_stands(stands: Facts, begin_s: float) -> Iterator[str]:
     else:
         yield "asked: nobody asks the robot to move"
     if not stands["may_move"]:
-        yield "stands: the motors are not enabled"
+        yield "mapod moves no motor: the motors are not enabled"
     elif stands["reason"]:
         yield f"stands: {stands['reason']}"
     else:

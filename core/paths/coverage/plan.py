@@ -80,7 +80,7 @@ def plan_coverage(
     """
     free = repaired(floor)
     begin = dock if start is None else start
-    space = space_at(free, machine, begin)
+    space = space_at(free, machine, begin, "dock" if start is None else "start")
     angle = main_angle(free, machine.width_m) if angle_rad is None else angle_rad
     target = grown(space, machine.width_m / 2).intersection(free)
     todo = target if clean is None else target.difference(repaired(clean))
@@ -111,8 +111,17 @@ def main_angle(floor: BaseGeometry, width_m: float) -> float:
     return float(angles[np.argmax(np.round(votes, 6))])
 
 
-def space_at(free: MultiPolygon, machine: Machine, begin: Point | None) -> Polygon:
-    """The part of the space that the machine is in, or the largest. Raises FloorError."""
+def space_at(
+    free: MultiPolygon, machine: Machine, begin: Point | None, what: str = "start"
+) -> Polygon:
+    """The part of the space that the machine is in, or the largest.
+
+    Args:
+        what: begins there, in the words of an error.
+
+    Raises:
+        FloorError: it has no room, or that point is none of its.
+    """
     parts = polygons_in(narrowed(free, machine.margin_m))
     if not parts:
         widest_m = max(
@@ -125,13 +134,13 @@ def space_at(free: MultiPolygon, machine: Machine, begin: Point | None) -> Polyg
     if begin is None:
         return largest(parts)
     if not np.isfinite(begin).all():
-        raise FloorError(f"start: must be two finite numbers, is {begin[0]:g},{begin[1]:g}")
+        raise FloorError(f"{what}: must be two finite numbers, is {begin[0]:g},{begin[1]:g}")
     point = shapely.Point(begin)
     far_m = [part.distance(point) for part in parts]
     nearest = int(np.argmin(far_m))
     if far_m[nearest] > machine.margin_m + machine.width_m:
         raise FloorError(
-            f"start: {begin[0]:g},{begin[1]:g} is {far_m[nearest]:.2f} m from where the machine "
+            f"{what}: {begin[0]:g},{begin[1]:g} is {far_m[nearest]:.2f} m from where the machine "
             f"fits, must be at most {machine.margin_m + machine.width_m:g} m"
         )
     return parts[nearest]

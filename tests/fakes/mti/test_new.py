@@ -138,7 +138,9 @@ def test_a_list_that_the_line_cannot_carry_is_error_29() -> None:
     assert bench.write(entries((0x2023, 400), (0x4023, 400))) == framed(0x42, b"\x29")
     assert bench.write(wire("ReqOutputConfiguration")) == before
     bench.write(framed(0x18, b"\x0b"))  # 4800
-    assert bench.write(wire("ReqOutputConfiguration")) == framed(0x42, b"\x29")
+    assert bench.write(wire("ReqOutputConfiguration")) == before
+    bench.fake.baud = 4800  # as from its next power-up on
+    assert bench.write(wire("ReqOutputConfiguration"), 0.05) == framed(0x42, b"\x29")
 
 
 def test_values_are_taken_as_the_device_can() -> None:

@@ -52,5 +52,8 @@ def test_only_what_costs_nothing_is_tried_often(number: int, longest_s: float) -
 def test_a_loss_is_told_with_the_name_of_the_wire() -> None:
     unreachable = describe_loss(OSError(errno.EHOSTUNREACH, ""), "192.168.0.1:2112")
     assert unreachable == "no answer from 192.168.0.1:2112"  # as when it did not answer in time
+    configuring = OSError("Could not configure port: (25, ...)")  # as pyserial wraps it
+    configuring.__context__ = termios.error(errno.ENOTTY, "Inappropriate ioctl for device")
+    assert describe_loss(configuring, "/dev/null") == "/dev/null is not a serial line"
     for error in (termios.error(22, "Invalid argument"), ValueError("Failed to set custom baud")):
         assert describe_loss(error, "/dev/mti").startswith("/dev/mti: ")

@@ -26,12 +26,12 @@ class StillWheels:
         self.power = (one, two)
 
 
-def level_sensor(yaw_rad: float = 0.0) -> FakeMti:
+def level_sensor(yaw_rad: float = 0.0, model: str = "MTi-28") -> FakeMti:
     """An attitude sensor that lies still and level; yaw counter-clockwise from north."""
     c, s = np.cos(yaw_rad), np.sin(yaw_rad)
     R_earth_sensor = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
     still = R_earth_sensor, np.zeros(3), np.array([0.0, 0.0, 9.81])
-    return FakeMti(lambda t_s: still, 1)
+    return FakeMti(lambda t_s: still, 1, model)
 
 
 @contextmanager

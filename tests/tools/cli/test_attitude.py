@@ -52,6 +52,12 @@ def test_the_self_test_and_a_baud_rate_are_told(said: Said) -> None:
     assert "921600 baud from its next power-up" in said(sensor, "baud", "921600")
 
 
+def test_a_new_baud_rate_lets_the_sensor_measure_on_until_its_next_power_up(said: Said) -> None:
+    sensor = level_sensor(model="MTi-30")
+    assert "14400 baud from its next power-up" in said(sensor, "baud", "14400")
+    assert (sensor.state.value, sensor.baud) == ("measuring", 115_200)
+
+
 def test_silence_is_told_in_words(said: Said) -> None:
     sensor = level_sensor()
     sensor.mute = True

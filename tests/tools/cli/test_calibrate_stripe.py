@@ -94,6 +94,8 @@ def test_what_does_not_tell_the_plane_is_refused(tmp_path: Path, capsys: Capsys)
     assert (status, "0.jpg: needs a line in 50 columns or more, has 0" in why) == (1, True)
     status, why = refused(pictures(tmp_path, image_px=(320, 240)))
     assert (status, "0.jpg: the camera's images are 320 x 240 px" in why) == (1, True)
+    none = tmp_path / "nob.csv"
+    assert refused(none) == (2, f"mapod calibrate stripe: {none}: no such file or folder\n")
     (tmp_path / "board.csv").write_text("file,true_m\n0.jpg,near\n")
     status, why = refused(tmp_path / "board.csv")
     assert (status, "line 2: needs a file, and true_m from 0.05 to 30" in why) == (1, True)

@@ -43,6 +43,25 @@ def test_who_stops_reading_ends_a_command_without_a_word() -> None:
     assert (ended.returncode, ended.stderr) == (128 + signal.SIGPIPE, b"")
 
 
+INTERRUPTED = """
+import sys
+class Interrupting:
+    def find_spec(self, name, *rest):
+        if name == "tools.cli.command":
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupting())
+from mapod.__main__ import main
+sys.exit(main())
+"""
+
+
+def test_ctrl_c_while_it_is_loaded_ends_it_without_a_word() -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED], cwd=ROOT, capture_output=True, check=False
+    )
+    assert (ended.returncode, ended.stdout, ended.stderr) == (128 + signal.SIGINT, b"", b"")
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_ends_with_an_example(name: str, capsys: Capsys) -> None:
     with pytest.raises(SystemExit, match="0"):

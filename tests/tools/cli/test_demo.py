@@ -26,7 +26,7 @@ from tools.cli.options import configured
 from tools.cli.view import PAGE_AT
 from tools.settings import NotThereError, rewritten
 from tools.terminal import processes
-from tools.terminal.processes import folder_kept_on_failure
+from tools.terminal.processes import SimulatedRobot, Stop, folder_kept_on_failure
 
 pytestmark = pytest.mark.usefixtures("temporary")
 PORTS = '{"scanner": "tcp://127.0.0.1:1", "ahrs": "serial:///a?baud=1", "drive": "serial:///d"}'
@@ -177,6 +177,21 @@ def test_the_page_is_told_first_and_ends_with_the_rest(capsys: Capsys, temporary
     assert re.fullmatch(r"mapod: http://127\.0\.0\.1:(?!8750)\d+/#token=[\w-]{22}", first)
     _, page_url = json.loads((temporary / "kept" / "app.out").read_text().replace("'", '"'))
     assert f"watching {page_url};" in (temporary / "kept" / "page.out").read_text()
+
+
+def test_ctrl_c_before_the_page_is_up_starts_nothing_more(
+    capsys: Capsys, monkeypatch: Patch
+) -> None:
+    def stopped(robot: SimulatedRobot, settings: str, stop: Stop) -> tuple[str, str]:
+        stop.wanted = True
+        return "", ""
+
+    monkeypatch.setattr(demo, "page", stopped)
+    given = options()
+    given.no_page = False
+    assert demo.run(given, stub(WORLD), stub(APP), Console(file=io.StringIO())) == 0
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("mapod: all processes have ended\n", "")
 
 
 def test_an_app_that_dies_is_reported(capsys: Capsys, temporary: Path) -> None:

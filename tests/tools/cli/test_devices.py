@@ -88,6 +88,14 @@ def test_a_hokuyo_scanner_is_found_on_the_network(capsys: Capsys, lines: Simulat
     assert "UTM-30LX" in printed
 
 
+@pytest.mark.parametrize("host", ["127.0.0.1:99999", 64 * "x"])  # too long to be looked up
+def test_a_host_that_cannot_be_is_told_in_one_line(host: str, capsys: Capsys) -> None:
+    assert devices.main(["--scanner", host]) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("mapod devices: 'tcp://")
+    assert len(told.splitlines()) == 1
+
+
 def test_rules_know_a_device_by_its_serial_number_or_else_by_its_socket() -> None:
     by_number = SimpleNamespace(serial_number="A10X", vid=0x0403, pid=0x6001, location="1-1.2")
     by_place = SimpleNamespace(serial_number=None, location="1-1.3")

@@ -51,7 +51,11 @@ def test_keys_want_a_keyboard(capsys: Capsys, monkeypatch: Patch) -> None:
     with Path("/dev/null").open() as nothing:
         monkeypatch.setattr(sys, "stdin", nothing)
         assert drive.main(["keys", "--port", "udp://127.0.0.1:0"]) == 1
-    assert "needs a terminal with a keyboard" in capsys.readouterr().err
+    told = "mapod drive keys: udp://127.0.0.1:0: driving needs a terminal with a keyboard\n"
+    assert capsys.readouterr().err == told
+    with pytest.raises(SystemExit, match="2"):
+        drive.main(["keys", "--speed", "0"])
+    assert "mapod drive keys: argument --speed: must be from" in capsys.readouterr().err
 
 
 def test_of_a_robot_without_a_drive_there_is_nothing_to_read(capsys: Capsys) -> None:

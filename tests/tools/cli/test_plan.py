@@ -118,7 +118,9 @@ def test_wrong_use_is_one_line(words: list[str], said: str, hall: str, capsys: C
         (["--overlap", "0.3"], "overlap_m: must be at most 0.8 of width_m 0.3, is 0.3"),
         (["--radius", "3"], "the machine has no room: needs 3 m around its centre"),
         (["--start", "9,9"], "start: 9,9 is"),
-        (["--out", "/no/such/folder/x.json"], "No such file or directory"),
+        (["--dock", "9,9"], "dock: 9,9 is"),
+        (["--out", "/no/such/folder/x.json"], "--out /no/such/folder/x.json: must be a file in"),
+        (["--picture", "x.jpg"], "--picture x.jpg: must end with .png"),
     ],
 )
 def test_what_cannot_be_planned_ends_with_status_2_and_why(

@@ -251,6 +251,8 @@ def test_what_the_page_cannot_have_is_said_in_one_line(
         taken = f"127.0.0.1:{http.getsockname()[1]}"
         cases = [
             (["udp://127.0.0.1:0", "--http", taken], 1, f"--http {taken}: "),
+            ([wire.url, "--terminal"], 1, f"mapod view: {wire.url}: Address already in use"),
+            (["udp://127.0.0.1:99999"], 2, "the port must be within 1..65535, is 99999"),
             ([wire.url], 1, "Give the page a receiver of its own: [planner] port = ["),
             (["nonsense"], 2, "nonsense: must be udp://"),
             (["--config", str(tmp_path / "none.toml")], 2, "none.toml: No such file"),
@@ -261,6 +263,9 @@ def test_what_the_page_cannot_have_is_said_in_one_line(
             said = capsys.readouterr()
             assert words in said.err
             assert (said.out, said.err.count("\n")) == ("", 1)
+    with pytest.raises(SystemExit, match="2"):
+        main(["udp://127.0.0.1:1", "--port", "udp://127.0.0.1:2"])
+    assert "URL and --port are the same: give one of them" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "aiohttp", None)  # as where it is not installed
     assert main([]) == 2
     assert "extra view" in capsys.readouterr().err

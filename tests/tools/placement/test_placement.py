@@ -1,13 +1,14 @@
 """Mounts over stepfields: shadows and errors by hand, the ranking, and wrong use."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from core.records import F64
 from tests import ROOT
-from tools.cli.placement import main
+from tools.cli.placement import main, of_settings
 from tools.placement.field import BLOCKS, flat, stepfield
 from tools.placement.measure import XS, YS, fields_of, measured, over, seen_of
 from tools.placement.search import best_mount
@@ -110,6 +111,24 @@ def test_a_search_keeps_its_bounds_and_its_strip() -> None:
 def test_the_settings_mount_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--config", str(ROOT / "robots/urg04lx.toml"), "--fields", "2"]) == 0
     assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["settings", "1.08", "16.0"]
+
+
+def test_the_settings_camera_and_laser_are_judged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = ROOT / "robots/ragno.toml"
+    sensor = of_settings(path)
+    assert sensor.look_ahead_m == pytest.approx(  # by hand: its axis and the light meet the floor
+        0.40 / math.tan(math.radians(40.0)), abs=0.01
+    )
+    assert math.degrees(sensor.left_rad) == pytest.approx(math.degrees(math.atan(320 / 600)))
+    assert (sensor.left_rad, sensor.half_high_px) == (-sensor.right_rad, 240.0)
+    assert main(["--config", str(path), "--fields", "2"]) == 0
+    assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["settings", "0.40", "40.0"]
+    beside = tmp_path / "beside.toml"
+    beside.write_text(path.read_text().replace('along = "columns"', 'along = "rows"'))
+    assert main(["--config", str(beside)]) == 2
+    assert "the laser must be above the camera and dip" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

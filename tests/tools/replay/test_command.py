@@ -1,8 +1,11 @@
 """`mapod replay`: what it says of a recorded drive, of others' files, and of what is wrong."""
 
+import argparse
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -14,6 +17,7 @@ from tests.support.robot.recorded import RecordedLoop
 from tests.support.robot.shipped import shipped
 from tools.cli import replay as tool
 from tools.replay import laser
+from tools.replay.sources import Source
 
 ZSTD = b"\x28\xb5\x2f\xfd"  # first bytes of what a chunk holds
 PLANNER = 3  # its port in a recording
@@ -124,6 +128,8 @@ def test_other_settings_are_not_compared_but_what_they_change_is_told(
         (("--set", "cells"), "must be section.key=value"),
         (("--set", "mop.x=1"), "[mop]: unknown section; allowed are loop"),
         (("--from", "99"), "--from: 99 is not within the recording, which is 3.2 s"),
+        (("--to", "-1"), "--to: must be 0 s from the begin or more, is -1"),
+        (("--to", "25:00:00"), "--to: must be seconds from the begin, HH:MM:SS"),
         (("--to", "soon"), "--to: must be seconds from the begin, HH:MM:SS"),
         (("--from", "2", "--to", "1"), "--from 2 is behind --to 1"),
         (("--at", "1"), "--at says when --picture is taken"),
@@ -230,6 +236,25 @@ def test_a_file_that_cannot_be_is_named_before_anything_is_played(
     status, out, err = told(drive, *words)
     assert (status, out, err.count("\n")) == (2, "", 1)
     assert err.startswith(f"mapod replay: {line}")
+
+
+def test_a_replay_that_was_stopped_says_so_last(
+    drive: Path, told: Told, monkeypatch: Patch
+) -> None:
+    play = tool.play
+
+    def stopped(source: Source, *rest: Any) -> None:
+        options = argparse.Namespace(begin=None, end="1", at=None, picture=None, video=None)
+        options.speed = math.inf
+        play(source, rest[0], options, rest[2])
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tool, "play", stopped)
+    status, out, err = told(drive)
+    assert (status, "identical" in out) == (130, True)  # as far as it was played
+    assert err == "mapod replay: stopped by Ctrl-C after 1.0 s: the rest was not played\n"
+    status, _, err = told("nothere.mcap")
+    assert (status, err) == (2, "mapod replay: nothere.mcap: no such file or folder\n")
 
 
 def test_a_picture_of_behind_the_end_is_refused(drive: Path, told: Told, tmp_path: Path) -> None:

@@ -132,6 +132,7 @@ def test_the_page_of_many_drives_draws_boxes_and_names_what_has_no_scores() -> N
         (["{letter}"], "letter.txt"),
         (["--config", "nowhere.toml"], "nowhere.toml"),
         (["--config", "{letter}"], "not valid TOML"),
+        (["--out", "{letter}"], "--out: must be a folder"),
         (["--out", "{other}"], "holds other things (letter.txt)"),
         (["--sample", "0"], "must be a whole number, 1 or more"),
         (["--scheduler", "nowhere"], "no scheduler answers at nowhere"),

@@ -1,7 +1,7 @@
 """GeoJSON in metres to floor plans, and paths to GeoJSON.
 
-Polygons are floor, unless their property `kind` says `obstacle` or `room` (with a `name`); lines
-are walls; points say `start` or `dock`. Source: RFC 7946, but for its degrees.
+Polygons are floor, unless their property `kind` says `obstacle`, `wall` or `room` (with a `name`);
+lines are walls; points say `start` or `dock`. Source: RFC 7946, but for its degrees.
 """
 
 from collections.abc import Iterator, Sequence
@@ -34,7 +34,7 @@ def plan_from_geojson(content: Json) -> FloorPlan:
             taken.append(shape.buffer(WALL_M))
         elif kind == "room":
             plan.rooms.append((name or str(len(plan.rooms) + 1), repaired(shape)))
-        elif kind == "obstacle":
+        elif kind in ("obstacle", "wall"):
             taken.append(repaired(shape))
         else:
             floors.append(repaired(shape))

@@ -130,12 +130,12 @@ class FrameLook:
         Raises:
             ValueError: a map has begun already.
         """
-        self._objects.start_from(saved.objects, saved.walls, at_s)
+        self._objects.start_from(saved.objects, saved.walls, at_s, saved.next_id)
 
     def as_geojson(self) -> tuple[str, int]:
         """The map of objects as it is now; and how many there are."""
-        objects = self._objects.objects()
-        return geojson_from_map(objects, self._objects.walls.records(), self._of_map), len(objects)
+        objects, walls = self._objects.objects(), self._objects.walls.records()
+        return geojson_from_map(objects, walls, self._of_map, self._objects.next_id), len(objects)
 
     def _walls(self) -> Floats:
         """(n, 4) m, those of the map."""

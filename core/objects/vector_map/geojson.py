@@ -4,7 +4,8 @@ What is read may come from anybody: its size is bounded, each number is checked,
 refuses all of it, in a sentence that names the place and what is allowed. It opens no file.
 
 Source: RFC 7946 (GeoJSON), sections 3.1 and 3.3. Coordinates are metres of the map frame, not
-degrees; a member `mapod` of the collection says so, and which settings made the map.
+degrees; a member `mapod` of the collection says so, which settings made the map, and which id is
+next. Kinds of a floor plan are those of docs/coverage.md.
 """
 
 import hashlib
@@ -23,15 +24,20 @@ from core.objects.vector_map.settings import ObjectMapSettings
 from core.objects.vector_map.walls import WallRecord
 
 FORMAT, VERSION = "mapod objects", 1
-MOST_BYTES = 64 * 2**20
+MOST_BYTES = 256 * 2**20
 MOST_FEATURES = 200_000
 MOST_CORNERS = 10_000  # of one feature
+MOST_ID = 2**53  # whole numbers of a JSON reader end there
 REACH_M = 10_000.0  # from the middle of the map frame, in x and in y
+SMALL_M = 1.0  # a closed line of a plan that is nowhere longer is a thing: a pillar
+PLANNED = 0.6  # confidence in what a plan shows and nobody has seen yet
+OF_A_PLAN = "floor", "obstacle", "room", "start", "dock"  # kinds of who draws the floor, too
 
 Coordinate = Annotated[float, Meta(ge=-REACH_M, le=REACH_M)]
 Point = Annotated[list[Coordinate], Meta(min_length=2, max_length=3)]
 Line = Annotated[list[Point], Meta(min_length=2, max_length=MOST_CORNERS)]
 Ring = Annotated[list[Point], Meta(min_length=4, max_length=MOST_CORNERS)]
+Rings = Annotated[list[Ring], Meta(min_length=1, max_length=1000)]
 Height = Annotated[float, Meta(ge=-100, le=100)]
 
 
@@ -40,7 +46,15 @@ class GeoJsonError(Exception):
 
 
 class _Polygon(Struct, tag_field="type", tag="Polygon"):
-    coordinates: Annotated[list[Ring], Meta(min_length=1, max_length=1000)]
+    coordinates: Rings
+
+
+class _Polygons(Struct, tag_field="type", tag="MultiPolygon"):
+    coordinates: Annotated[list[Rings], Meta(min_length=1, max_length=MOST_CORNERS)]
+
+
+class _Point(Struct, tag_field="type", tag="Point"):
+    coordinates: Point
 
 
 class _LineString(Struct, tag_field="type", tag="LineString"):
@@ -53,7 +67,7 @@ class _Lines(Struct, tag_field="type", tag="MultiLineString"):
 
 class _Feature(Struct):
     type: Literal["Feature"]
-    geometry: _Polygon | _LineString | _Lines
+    geometry: _Polygon | _Polygons | _LineString | _Lines | _Point
     properties: dict[str, Any] | None = None
 
 
@@ -61,6 +75,7 @@ class _About(Struct, forbid_unknown_fields=True):
     format: Literal["mapod objects"]
     version: Literal[1]
     settings: Annotated[str, Meta(pattern="^[0-9a-f]{16}$")]
+    next_id: Annotated[int, Meta(ge=1, le=MOST_ID + 1)] = 1  # files of older versions have none
 
 
 class _Collection(Struct):
@@ -71,22 +86,22 @@ class _Collection(Struct):
 
 class _ObjectProperties(Struct, forbid_unknown_fields=True):
     kind: Literal["static", "moved"]
-    id: Annotated[int, Meta(ge=1, le=2**53)]
+    id: Annotated[int, Meta(ge=1, le=MOST_ID)]
     bottom_m: Height
     top_m: Height
-    first_seen_s: float
-    last_seen_s: float
     seen_from: Annotated[int, Meta(ge=0, lt=2**VIEWS)]
     finished: list[bool]
     confidence: Annotated[float, Meta(ge=0, le=1)]
+    first_seen_s: float = 0.0  # in files of older versions: a clock that is no more
+    last_seen_s: float = 0.0
 
 
 class _WallProperties(Struct, forbid_unknown_fields=True):
     kind: Literal["wall"]
-    id: Annotated[int, Meta(ge=1, le=2**53)]
+    id: Annotated[int, Meta(ge=1, le=MOST_ID)]
     openings: list[Annotated[list[Coordinate], Meta(min_length=4, max_length=4)]]
-    first_seen_s: float
-    last_seen_s: float
+    first_seen_s: float = 0.0
+    last_seen_s: float = 0.0
 
 
 class SavedMap(Struct, frozen=True, eq=False):
@@ -94,6 +109,7 @@ class SavedMap(Struct, frozen=True, eq=False):
 
     objects: tuple[MapObject, ...]
     walls: tuple[WallRecord, ...]
+    next_id: int = 1  # at least that have new things
 
 
 def settings_digest(settings: ObjectMapSettings) -> str:
@@ -102,10 +118,14 @@ def settings_digest(settings: ObjectMapSettings) -> str:
 
 
 def geojson_from_map(
-    objects: list[MapObject], walls: list[WallRecord], settings: ObjectMapSettings
+    objects: list[MapObject], walls: list[WallRecord], settings: ObjectMapSettings, next_id: int
 ) -> str:
-    """A map as text, corners to the millimetre; the same map gives the same text."""
-    about = {"format": FORMAT, "version": VERSION, "settings": settings_digest(settings)}
+    """A map as text, to the millimetre; the same map gives the same text, and so does a loaded one.
+
+    When things were seen is not written: the clock of the run ends with it.
+    """
+    digest = settings_digest(settings)
+    about = {"format": FORMAT, "version": VERSION, "settings": digest, "next_id": next_id}
     features = [_object_feature(one) for one in objects] + [_wall_feature(one) for one in walls]
     return msgspec.json.encode(
         {"type": "FeatureCollection", "mapod": about, "features": features}
@@ -118,7 +138,45 @@ def map_from_geojson(text: str, settings: ObjectMapSettings) -> SavedMap:
     Raises:
         GeoJsonError: it is none, is damaged, or other settings made it.
     """
+    return _saved(_collection(text), settings)
+
+
+def map_from_text(text: str, settings: ObjectMapSettings, top_m: float) -> SavedMap:
+    """What either of the two below it reads: a saved map says that it is one.
+
+    Raises:
+        GeoJsonError: it is neither, is damaged, or other settings made it.
+    """
     collection = _collection(text)
+    return _saved(collection, settings) if collection.mapod else _planned(collection, top_m)
+
+
+def map_from_floor_plan(text: str, top_m: float) -> SavedMap:
+    """A floor plan of anybody's, by the kinds of its features; metres of the map frame.
+
+    Lines and rings of the floor are walls, but for small closed ones: these are objects, as other
+    polygons are. Rooms, the start and the dock are left out. Where a feature has a kind of a plan,
+    polygons without one are floor.
+
+    Args:
+        top_m: how high objects are, above the floor.
+
+    Raises:
+        GeoJsonError: it is no such plan.
+    """
+    return _planned(_collection(text), top_m)
+
+
+def _collection(text: str) -> _Collection:
+    if len(text) > MOST_BYTES:
+        raise GeoJsonError(f"text: has {len(text)} characters; at most {MOST_BYTES} are allowed")
+    try:
+        return msgspec.json.decode(text, type=_Collection)
+    except (msgspec.DecodeError, RecursionError, UnicodeEncodeError) as error:
+        raise GeoJsonError(f"text: {error}") from error
+
+
+def _saved(collection: _Collection, settings: ObjectMapSettings) -> SavedMap:
     if collection.mapod is None:
         raise GeoJsonError("mapod: is missing; this is no saved map (a floor plan?)")
     mine = settings_digest(settings)
@@ -140,54 +198,78 @@ def map_from_geojson(text: str, settings: ObjectMapSettings) -> SavedMap:
         if one.id in ids:
             raise GeoJsonError(f"{where}.properties.id: {one.id} comes twice")
         ids.add(one.id)
-    return SavedMap(tuple(objects), tuple(walls))
+    return SavedMap(tuple(objects), tuple(walls), collection.mapod.next_id)
 
 
-def map_from_text(text: str, settings: ObjectMapSettings, top_m: float) -> SavedMap:
-    """What either of the two below it reads: a saved map says that it is one.
+class _Drawn:
+    """What a plan holds so far, numbered in turn."""
 
-    Raises:
-        GeoJsonError: it is neither, is damaged, or other settings made it.
-    """
-    if _collection(text).mapod is None:
-        return map_from_floor_plan(text, top_m)
-    return map_from_geojson(text, settings)
+    def __init__(self, top_m: float) -> None:
+        self.objects, self.walls = list[MapObject](), list[WallRecord]()
+        self._top_m = top_m
 
+    def add_object(self, polygon: Floats) -> None:
+        all_seen = np.ones(len(polygon), dtype=bool)
+        seen = 0.0, 0.0, 2**VIEWS - 1, all_seen
+        number, top_m = self._next(), self._top_m
+        self.objects.append(MapObject(number, polygon, 0.0, top_m, *seen, PLANNED, "static"))
 
-def map_from_floor_plan(text: str, top_m: float) -> SavedMap:
-    """A floor plan of anybody's: polygons are objects, lines are walls; metres of the map frame.
+    def add_line(self, line: list[list[float]], where: str) -> None:
+        """An object, if it is closed and small; else each straight piece of it is a wall."""
+        points = np.round([point[:2] for point in line], 3)
+        straight = shapely.LineString(points).simplify(1.0 / MM, preserve_topology=False)
+        pieces = _segments(shapely.get_coordinates(straight).tolist(), where)
+        ring = shapely.Polygon(pieces[:, :2]) if len(pieces) > 2 else shapely.Polygon()
+        is_closed = bool((points[0] == points[-1]).all()) and ring.is_valid and ring.area > 0.0
+        if is_closed and np.ptp(points, axis=0).max() <= SMALL_M:
+            self.add_object(_outline(pieces[:, :2]))
+            return
+        for piece in pieces:
+            self.walls.append(WallRecord(self._next(), piece[None], np.zeros((0, 4)), 0.0, 0.0))
 
-    Args:
-        top_m: how high objects are, above the floor.
-
-    Raises:
-        GeoJsonError: it is no such plan.
-    """
-    objects, walls = list[MapObject](), list[WallRecord]()
-    for number, feature in enumerate(_collection(text).features):
-        where, here = f"features[{number}].geometry", len(objects) + len(walls) + 1
-        geometry = feature.geometry
-        if isinstance(geometry, _Polygon):
-            polygon = _polygon(geometry, where)
-            all_seen = np.ones(len(polygon), dtype=bool)
-            seen = 0.0, 0.0, 2**VIEWS - 1, all_seen
-            objects.append(MapObject(here, polygon, 0.0, top_m, *seen, 1.0, "static"))
-            continue
-        lines = geometry.coordinates if isinstance(geometry, _Lines) else [geometry.coordinates]
-        for line in lines:
-            for segment in _segments(line, where):  # each its own: a wall is straight
-                here = len(objects) + len(walls) + 1
-                walls.append(WallRecord(here, segment[None], np.zeros((0, 4)), 0.0, 0.0))
-    return SavedMap(tuple(objects), tuple(walls))
+    def _next(self) -> int:
+        return len(self.objects) + len(self.walls) + 1
 
 
-def _collection(text: str) -> _Collection:
-    if len(text) > MOST_BYTES:
-        raise GeoJsonError(f"text: has {len(text)} characters; at most {MOST_BYTES} are allowed")
-    try:
-        return msgspec.json.decode(text, type=_Collection)
-    except (msgspec.DecodeError, RecursionError, UnicodeEncodeError) as error:
-        raise GeoJsonError(f"text: {error}") from error
+def _planned(collection: _Collection, top_m: float) -> SavedMap:
+    kinds = [str((feature.properties or {}).get("kind")) for feature in collection.features]
+    is_floor = {"floor": True, "obstacle": False, "wall": False}
+    else_floor = any(kind in OF_A_PLAN for kind in kinds)
+    drawn, floors = _Drawn(top_m), list[shapely.Geometry]()
+    for number, (feature, kind) in enumerate(zip(collection.features, kinds, strict=True)):
+        where, geometry = f"features[{number}].geometry", feature.geometry
+        if isinstance(geometry, _Point):
+            if kind not in ("start", "dock"):
+                raise GeoJsonError(f"{where}: a point must be of kind start or dock")
+        elif isinstance(geometry, _LineString):
+            drawn.add_line(geometry.coordinates, where)
+        elif isinstance(geometry, _Lines):
+            for line in geometry.coordinates:
+                drawn.add_line(line, where)
+        elif kind not in ("room", "start", "dock"):
+            for rings in _parts(geometry):
+                if is_floor.get(kind, else_floor):
+                    floors.append(_floor(rings, where))
+                else:
+                    drawn.add_object(_polygon(rings, where))
+    for part in shapely.get_parts(shapely.union_all(floors, grid_size=1.0 / MM)):
+        for ring in (part.exterior, *part.interiors):
+            drawn.add_line(shapely.get_coordinates(ring).tolist(), "floor")
+    return SavedMap(tuple(drawn.objects), tuple(drawn.walls))
+
+
+def _parts(geometry: _Polygon | _Polygons) -> list[list[list[list[float]]]]:
+    return [geometry.coordinates] if isinstance(geometry, _Polygon) else geometry.coordinates
+
+
+def _floor(rings: list[list[list[float]]], where: str) -> shapely.Geometry:
+    """An area of floor; where its rings cross, it is what they close in."""
+    shell, *holes = [_ring(ring, where) for ring in rings]
+    shape = shapely.Polygon(shell, holes)
+    shape = shapely.make_valid(shape, method="structure", keep_collapsed=False)
+    if shape.area <= 0.0:
+        raise GeoJsonError(f"{where}: a floor must have an area")
+    return shape
 
 
 def _properties(properties: dict[str, Any], of: type[Any], where: str) -> Any:
@@ -201,7 +283,7 @@ def _object(feature: _Feature, properties: dict[str, Any], where: str) -> MapObj
     about = _properties(properties, _ObjectProperties, where)
     if not isinstance(feature.geometry, _Polygon):
         raise GeoJsonError(f"{where}.geometry: must be a Polygon, for it is an object")
-    polygon = _polygon(feature.geometry, f"{where}.geometry")
+    polygon = _polygon(feature.geometry.coordinates, f"{where}.geometry")
     if len(about.finished) != len(polygon):
         raise GeoJsonError(
             f"{where}.properties.finished: must have {len(polygon)} entries, one for each side;"
@@ -229,15 +311,24 @@ def _wall(feature: _Feature, properties: dict[str, Any], where: str) -> WallReco
     return WallRecord(about.id, np.vstack(rows), openings, *seen)
 
 
-def _polygon(geometry: _Polygon, where: str) -> Floats:
+def _polygon(rings: list[list[list[float]]], where: str) -> Floats:
     """The outer ring, counter-clockwise, first corner not repeated; holes are filled."""
-    ring = np.array([point[:2] for point in geometry.coordinates[0]], dtype=np.float64)
-    if not np.array_equal(ring[0], ring[-1]):
-        raise GeoJsonError(f"{where}: its ring is not closed: the last corner must be the first")
+    ring = _ring(rings[0], where)
     shape = shapely.Polygon(ring)
     if not shape.is_valid or shape.area <= 0.0:
         raise GeoJsonError(f"{where}: its ring crosses or touches itself: {_reason(shape)}")
-    corners = ring[:-1]
+    return _outline(ring[:-1])
+
+
+def _ring(points: list[list[float]], where: str) -> Floats:
+    ring = np.array([point[:2] for point in points], dtype=np.float64)
+    if not np.array_equal(ring[0], ring[-1]):
+        raise GeoJsonError(f"{where}: its ring is not closed: the last corner must be the first")
+    return ring
+
+
+def _outline(corners: Floats) -> Floats:
+    """Counter-clockwise."""
     return corners if area_of(corners) > 0.0 else corners[::-1]
 
 
@@ -248,7 +339,7 @@ def _reason(shape: shapely.Polygon) -> str:
 def _segments(line: list[list[float]], where: str) -> Floats:
     points = np.array([point[:2] for point in line], dtype=np.float64)
     lengths = np.hypot(*np.diff(points, axis=0).T)
-    if lengths.min() < 1.0 / MM:
+    if lengths.min() < 0.9 / MM:  # to the millimetre, that is less than 1
         raise GeoJsonError(f"{where}: a line has two points less than 1 mm apart")
     return np.hstack([points[:-1], points[1:]])
 
@@ -258,25 +349,26 @@ def _rounded(points: Floats) -> list[list[float]]:
 
 
 def _object_feature(one: MapObject) -> dict[str, Any]:
-    ring = _rounded(np.vstack([one.polygon, one.polygon[:1]]))
+    corners = np.vstack([one.polygon, one.polygon[:1]])
+    ring = _rounded(corners)
+    if not shapely.Polygon(ring).is_valid:  # it would be refused: two sides are as near as that
+        ring = corners.tolist()
     properties = {
-        name: getattr(one, name)
-        for name in ("kind", "id", "bottom_m", "top_m", "seen_from", "confidence")
+        "kind": one.kind,
+        "id": one.id,
+        "bottom_m": round(one.bottom_m, 3),
+        "top_m": round(one.top_m, 3),
+        "seen_from": one.seen_from,
+        "confidence": round(one.confidence, 3),
+        "finished": one.finished.tolist(),
     }
-    times = {"first_seen_s": one.first_seen_s, "last_seen_s": one.last_seen_s}
-    properties |= times | {"finished": one.finished.tolist()}
     geometry = {"type": "Polygon", "coordinates": [ring]}
     return {"type": "Feature", "geometry": geometry, "properties": properties}
 
 
 def _wall_feature(wall: WallRecord) -> dict[str, Any]:
     lines = [_rounded(segment.reshape(2, 2)) for segment in wall.segments]
-    properties = {
-        "kind": "wall",
-        "id": wall.id,
-        "openings": [[round(value, 3) for value in row] for row in wall.openings.tolist()],
-        "first_seen_s": wall.first_seen_s,
-        "last_seen_s": wall.last_seen_s,
-    }
+    openings = [[round(value, 3) for value in row] for row in wall.openings.tolist()]
+    properties = {"kind": "wall", "id": wall.id, "openings": openings}
     geometry = {"type": "MultiLineString", "coordinates": lines}
     return {"type": "Feature", "geometry": geometry, "properties": properties}

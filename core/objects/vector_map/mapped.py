@@ -16,6 +16,7 @@ from core.objects.vector_map.settings import ObjectMapSettings
 
 LOST_SHARE = 0.2  # so much of its settled sides lies outside of its outline now: it was moved
 SEEN_ROUND = 0.5  # so much of an outline in finished sides: it was seen from more than one side
+SUREST = 0.0004  # less than that away from 1 is 1, to three digits
 NO_SIDES: Floats = np.zeros((0, 4))
 VIEWS = 8  # directions from which an object can have been seen: bit 0 is from +x, counter-clockwise
 Kind = Literal["static", "moved"]
@@ -58,6 +59,19 @@ class Mapped:
         # its finished sides (k, 4) when it had settled: those noted last, and those before them
         self.stood = NO_SIDES, NO_SIDES
         self.noted_ago = 0  # frames since the former were noted
+
+    @classmethod
+    def known(cls, one: MapObject, at_s: float, s: ObjectMapSettings) -> "Mapped":
+        """An object that is known: as settled as if it had been seen, and as sure as it was."""
+        mapped = cls(one.id, at_s, s, one.kind)
+        mapped.polygon, mapped.finished = one.polygon, one.finished
+        mapped.bottom_m, mapped.top_m, mapped.views = one.bottom_m, one.top_m, one.seen_from
+        least = math.log(max(1.0 - one.confidence, SUREST)) / math.log(1.0 - 1.0 / s.memory_frames)
+        mapped.frames = max(round(s.memory_frames), math.ceil(least))
+        mapped.rate = min(1.0, one.confidence / mapped.trust())
+        mapped.stands_out = True  # else it would not be in a map with these walls
+        mapped.stood = mapped.lines(), mapped.lines()
+        return mapped
 
     def awake(self) -> DistanceField:
         """Its field, made again from the outline where it has none."""
@@ -142,11 +156,14 @@ class Mapped:
         is_seen = float(lengths[self.finished].sum()) > SEEN_ROUND * outline.length
         return is_seen and not outline.buffer(-0.5 * depth_m).is_empty
 
+    def trust(self) -> float:
+        """How much its rate is worth, 0 to 1, by the frames that placed it."""
+        return 1.0 - float(1.0 - 1.0 / self._s.memory_frames) ** self.frames
+
     def record(self) -> MapObject:
-        trust = 1.0 - (1.0 - 1.0 / self._s.memory_frames) ** self.frames
         return MapObject(
             *(self.id, self.polygon, self.bottom_m, self.top_m, self.first_s, self.seen_s),
-            *(self.views, self.finished, self.rate * trust, self.kind),
+            *(self.views, self.finished, self.rate * self.trust(), self.kind),
         )
 
     def shift(self, by: Floats) -> None:

@@ -63,7 +63,7 @@ class ObjectMap:
         self._newcomers = Newcomers(settings)
         self._awake = OrderedDict[int, None]()  # ids with a field, the longest unseen first
         self._bridges = Counter[tuple[int, int]]()  # frames in which one hull covered both
-        self._next_id = 1
+        self.next_id = 1  # of the next thing; all that were used are lower
         self._last_s = -np.inf
 
     # what is asked of it
@@ -84,9 +84,16 @@ class ObjectMap:
     # what it is told
 
     def start_from(
-        self, objects: Iterable[MapObject], walls: Iterable[WallRecord], at_s: float
+        self,
+        objects: Iterable[MapObject],
+        walls: Iterable[WallRecord],
+        at_s: float,
+        next_id: int = 1,
     ) -> None:
         """Take a saved map or a floor plan: as settled as if it had been seen, until it is not.
+
+        Args:
+            next_id: no new thing gets a lower id, for such ids have been used.
 
         Raises:
             ValueError: the map is not empty, or an id comes twice.
@@ -95,18 +102,13 @@ class ObjectMap:
             raise ValueError("a map can only be taken into one that is still empty")
         for one in objects:
             self._claim(one.id)
-            mapped = Mapped(one.id, at_s, self.settings, one.kind)
-            mapped.polygon, mapped.finished = one.polygon, one.finished
-            mapped.bottom_m, mapped.top_m, mapped.views = one.bottom_m, one.top_m, one.seen_from
-            mapped.rate, mapped.frames = 1.0, round(self.settings.memory_frames)
-            mapped.stands_out = True  # else it would not be in a map with these walls
-            mapped.stood = mapped.lines(), mapped.lines()
-            self._objects[one.id] = mapped
+            mapped = self._objects[one.id] = Mapped.known(one, at_s, self.settings)
             self._told(mapped)
         for wall in walls:
             self._claim(wall.id)
             self.walls.take(wall, at_s)
             self._wall_told(self.walls.record(wall.id))
+        self.next_id = max(self.next_id, next_id)
 
     def update(self, frame: FrameObjects) -> MapUpdate:
         """Take one frame.
@@ -375,13 +377,13 @@ class ObjectMap:
     # bookkeeping
 
     def _new_id(self) -> int:
-        self._next_id += 1
-        return self._next_id - 1
+        self.next_id += 1
+        return self.next_id - 1
 
     def _claim(self, number: int) -> None:
         if number in self._objects or self.walls.has(number):
             raise ValueError(f"id: {number} comes twice")
-        self._next_id = max(self._next_id, number + 1)
+        self.next_id = max(self.next_id, number + 1)
 
     def _told(self, one: Mapped) -> None:
         """Publish an object whose shape has changed by more than the settings let pass."""

@@ -70,15 +70,7 @@ class WallMap:
 
     def take(self, record: WallRecord, at_s: float) -> None:
         """A wall that is known: as settled as if it had been seen."""
-        for segment in record.segments:
-            wall = self._walls.get(record.id)
-            if wall is None:
-                wall = self._walls[record.id] = Wall(record.id, segment, at_s, self._s)
-            wall.hit(segment, segment, at_s)
-        wall = self._walls[record.id]
-        for opening in record.openings:
-            wall.open(opening)
-        wall.settle()
+        wall = self._walls[record.id] = Wall.known(record, at_s, self._s)
         self._index.put(record.id, wall.box())
 
     def sides(self, segments: Floats) -> list[Sides]:

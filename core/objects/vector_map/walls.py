@@ -10,6 +10,7 @@ away, and a place or a heading that wanders does not take the walls along, which
 import math
 from itertools import pairwise
 
+import msgspec
 import numpy as np
 from msgspec import Struct
 
@@ -44,6 +45,25 @@ class Wall:
         self.aside, self.placed = np.zeros(0), np.zeros(0)  # off the line, m, by so many segments
         self.first_s = self.seen_s = at_s
         self.frames = 0
+        self._taken: WallRecord | None = None  # as it was known, until a frame says more
+
+    @classmethod
+    def known(cls, record: WallRecord, at_s: float, s: ObjectMapSettings) -> "Wall":
+        """A wall that is known: as settled as if it had been seen; its pieces begin where it does.
+
+        Until a frame speaks of it, it is told as it was known, to the millimetre.
+        """
+        start, ends = record.segments[0, :2], record.segments.reshape(-1, 2)
+        far = ends[np.hypot(*(ends - start).T).argmax()]
+        wall = cls(record.id, np.concatenate([start, far]), at_s, s)
+        wall.point = start
+        for segment in record.segments:
+            wall.hit(segment, segment, at_s)
+        for opening in record.openings:
+            wall.open(opening)
+        wall.settle()
+        wall._taken = record
+        return wall
 
     @property
     def normal(self) -> Floats:
@@ -82,6 +102,9 @@ class Wall:
         cell = self._s.wall_cell_m
         first = math.ceil(float(along.min()) / cell - HALF)
         last = math.floor(float(along.max()) / cell - HALF)
+        if last < first:  # so short that it holds the middle of no piece: it is of one at least
+            first = last = math.floor(float(along.mean()) / cell)
+        self._taken = None
         self._reach(first, last)
         mine = slice(first - self.start, last - self.start + 1)
         self._count(np.arange(len(self.share))[mine], 1.0)
@@ -106,6 +129,7 @@ class Wall:
 
     def take(self, other: "Wall") -> None:
         """Go on with what another one has told of its pieces as well."""
+        self._taken = None
         places = other.point + other.middles()[:, None] * other.along
         along, aside = self.measured(places + other.aside[:, None] * other.normal)
         pieces = np.floor(along / self._s.wall_cell_m).astype(np.int64)
@@ -139,6 +163,7 @@ class Wall:
             for k in np.flatnonzero(~covered).tolist()
             if sees(sectors, behind[k, 0], behind[k, 1]) and sees(sectors, *points[k].tolist())
         ]
+        self._taken = None if gone else self._taken
         self._count(np.array(gone, dtype=np.int64), 0.0)
         self.placed[self.share <= HALF] = 0.0  # what will stand there may stand elsewhere
 
@@ -158,6 +183,9 @@ class Wall:
         self.frames = round(self._s.memory_frames)
 
     def record(self) -> WallRecord:
+        if self._taken is not None:
+            seen = {"first_seen_s": self.first_s, "last_seen_s": self.seen_s}
+            return msgspec.structs.replace(self._taken, **seen)
         known = self.weight >= self._s.confirm_frames
         is_wall = known & (self.share > HALF)
         runs = self._runs(is_wall)

@@ -62,14 +62,17 @@ def test_a_map_of_version_1_lists_each_cell_and_y_points_down(tmp_path: Path) ->
     assert plan.free.bounds == pytest.approx((0.0, -0.1, 0.1, 0.0))
 
 
-def test_geojson_knows_floor_obstacles_rooms_walls_start_and_dock(tmp_path: Path) -> None:
+@pytest.mark.parametrize("kind", ["obstacle", "wall"])
+def test_geojson_knows_floor_obstacles_rooms_walls_start_and_dock(
+    kind: str, tmp_path: Path
+) -> None:
     wall = {"type": "LineString", "coordinates": [[2, 0], [2, 1]]}
     dock = {"type": "Point", "coordinates": [3.5, 0.5]}
     content = {
         "type": "FeatureCollection",
         "features": [
             polygon(SQUARE),
-            polygon([[1, 1], [1.5, 1], [1.5, 2], [1, 1]], kind="obstacle"),
+            polygon([[1, 1], [1.5, 1], [1.5, 2], [1, 1]], kind=kind),
             polygon([[0, 0], [2, 0], [2, 3], [0, 3], [0, 0]], kind="room", name="hall"),
             {"type": "Feature", "properties": None, "geometry": wall},
             {"type": "Feature", "properties": {"kind": "dock"}, "geometry": dock},

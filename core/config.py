@@ -102,6 +102,10 @@ def _bring_up_to_date(table: dict[str, Any]) -> list[str]:
     if isinstance(drive, dict) and drive.get("driver") == "ax3500" and "radio" not in drive:
         drive["radio"] = True
         changed.append("drive.radio: is new, true is what there was before")
+    coverage = table.get("coverage")
+    if isinstance(coverage, dict) and "enough_lively" not in coverage and "enough" in coverage:
+        coverage["enough_lively"] = coverage["enough"]
+        changed.append("coverage.enough_lively: is new, enough is what there was before")
     return changed
 
 

@@ -67,7 +67,11 @@ def test_missing_unknown_and_mistyped_keys_are_named(section: str) -> None:
     assert f"{section}.colour: unknown key" in error_of(with_value(section, "colour", 1))
     for key in TABLE[section]:
         left = {k: v for k, v in TABLE[section].items() if k != key}
-        if key not in ("filter_heights", "radio"):  # which files of earlier versions lack
+        if key not in (
+            "filter_heights",
+            "radio",
+            "enough_lively",
+        ):  # which files of earlier versions lack
             assert f"{section}.{key}: missing" in error_of(toml_from({**TABLE, section: left}))
         told = error_of(with_value(section, key, [["x"]]))
         assert told.startswith(f"{section}.{key}: must be ")
@@ -195,10 +199,15 @@ def test_settings_from_before_there_was_motion_are_of_wheels() -> None:
 def test_a_file_of_an_earlier_version_is_read_and_what_has_gone_is_told() -> None:
     old = SHIPPED.replace('method = "surface"', 'method = "beams"\ncell_value = "kalman"')
     old = old.replace("filter_heights = false", "")
-    old = "\n".join(line for line in old.split("\n") if not line.startswith("radio = true"))
-    assert load_config(old) == load_config(SHIPPED)
+    new = ("radio = true", "enough_lively = ")
+    old = "\n".join(line for line in old.split("\n") if not line.startswith(new))
+    shipped = load_config(SHIPPED)
+    assert shipped.coverage is not None
+    enough = {"coverage": {"enough_lively": shipped.coverage.enough}}
+    assert load_config(old) == with_changes(shipped, **enough)
     told = outdated_in(old)
-    assert len(told) == 4
+    assert len(told) == 5
+    assert told[4].startswith("coverage.enough_lively: is new, enough")
     assert told[3].startswith("drive.radio: is new, true")
     assert told[2].startswith("map.filter_heights: is new, false")
     assert told[0].startswith('map.method: "beams" is gone')

@@ -44,6 +44,7 @@ GRAZING_M = 0.1  # from things to the line along which it looks past them
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
 MUCH = 0.1  # of the floor: while more is left, what costs a long way is left for later
 DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
+DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
 BARRED_M = 1.5  # where it was barred: so near it cannot look (`frontiers.NEAR_M`, and its size)
@@ -64,6 +65,7 @@ class CleaningSettings:
     explained_m: float  # unseen floor so near to a thing or a wall is no reason to look
     sliver_m: float  # what is left unswept and narrower gets no lane
     enough: float  # share of the floor that may be left at the end
+    enough_lively: float  # the same where something has moved
     rounds: int  # plans for what is left, at most, besides those round what barred the way
     tries: int  # plans in a row that win no floor, until it gives up
 
@@ -99,6 +101,7 @@ class Cleaning:
         self._doubts = dict[int, list[Doubt]]()  # by what is new: of floor below it
         self._rounds = self._tried = self._parted = 0
         self._won_m2 = 0.0
+        self._is_lively = False  # something has moved
 
     def see(
         self, view: F64, standing: Iterable[Polygon], passing: Iterable[PassingThing] = ()
@@ -118,6 +121,7 @@ class Cleaning:
         for new in passing:
             mine = self._doubts.get(new.id, [])
             if new.is_moving:
+                self._is_lively = True
                 for doubt in mine:
                     self.floor.restore(doubt)
                 continue
@@ -277,7 +281,8 @@ class Cleaning:
         left = target.difference(swept)
         wide = left.buffer(-s.sliver_m / 2).buffer(s.sliver_m / 2)
         is_vain = self._tried >= s.tries // 2  # what is left of its tries is for the way home
-        if is_vain or self._rounds > s.rounds or wide.area <= s.enough * target.area:
+        enough = s.enough_lively if self._is_lively else s.enough
+        if is_vain or self._rounds > s.rounds or wide.area <= enough * target.area:
             return None
         done = target.difference(wide)
         try:

@@ -148,7 +148,8 @@ def cleaning_settings(s: CoverageSettings, start_clear_m: float) -> CleaningSett
     return CleaningSettings(
         machine=machine, cell_m=s.cell_m, size_m=s.size_m, seen_frames=s.seen_frames,
         start_clear_m=start_clear_m, guard_m=s.guard_m, explained_m=s.explained_m,
-        sliver_m=s.sliver_m, enough=s.enough, rounds=s.rounds, tries=s.tries,
+        sliver_m=s.sliver_m, enough=s.enough, enough_lively=s.enough_lively, rounds=s.rounds,
+        tries=s.tries,
     )  # fmt: skip
 
 

@@ -16,7 +16,7 @@ from core.records import PassingThing
 MACHINE = Machine(radius_m=0.35, clearance_m=0.03, width_m=0.6, overlap_m=0.03)
 SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.05, size_m=20.0, seen_frames=1, start_clear_m=1.2, guard_m=0.03,
-    explained_m=0.3, sliver_m=0.08, enough=0.004, rounds=4, tries=6,
+    explained_m=0.3, sliver_m=0.08, enough=0.004, enough_lively=0.1, rounds=4, tries=6,
 )  # fmt: skip
 ROOM = shapely.box(-0.7, -1.5, 5.0, 2.8)
 BOXES = [shapely.box(1.6, 0.9, 2.3, 1.5), shapely.box(3.6, -0.7, 3.9, -0.2)]

@@ -43,7 +43,8 @@ def do(talk: Conversation, command: str, *good: str) -> None:
     """Raises RefusedError, NoAnswerError."""
     reply = ask(talk, command)
     if reply.status not in (good or (OK,)):
-        raise RefusedError(f"the scanner refuses {command}: {describe_status(reply.status)}")
+        why = describe_status(reply.status, command)
+        raise RefusedError(f"the scanner refuses {command}: {why}")
 
 
 def greet(talk: Conversation) -> None:

@@ -74,8 +74,8 @@ def test_a_hokuyo_scanner_tells_who_it_is_and_does_what_it_is_told(line_said: Sa
     assert "laser is off" in line_said(fake, "stop")
     assert "those of power on" in line_said(fake, "reboot")
     assert "no such command" in line_said(fake, "store", status=1)
-    fake.trouble = 60
-    assert "refuses BM" in line_said(fake, "start", status=1)
+    fake.laser_fails = True
+    assert "refuses BM: its laser has a fault" in line_said(fake, "start", status=1)
     fake.mute = True
     assert "no answer" in line_said(fake, "info", status=1)
 

@@ -7,6 +7,7 @@ from fakes.lms1xx.device import FakeLms111
 from fakes.urg04lx.device import FakeUrg04lx
 from tests import Capsys
 from tests.support.devices.simulated_lines import Said, SimulatedLines
+from tests.support.devices.streaming_urg04lx import streams_at_19200
 from tools.cli import scanner
 
 
@@ -78,6 +79,14 @@ def test_a_hokuyo_scanner_tells_who_it_is_and_does_what_it_is_told(line_said: Sa
     assert "refuses BM: its laser has a fault" in line_said(fake, "start", status=1)
     fake.mute = True
     assert "no answer" in line_said(fake, "info", status=1)
+
+
+def test_a_hokuyo_scanner_that_streams_at_19200_baud_is_stopped(
+    line_said: Said, lines: SimulatedLines
+) -> None:
+    fake = streams_at_19200(lines)
+    assert "laser is off" in line_said(fake, "stop")
+    assert not fake.head.is_lit
 
 
 def test_a_hokuyo_scanner_that_damages_its_number_still_tells_the_rest(line_said: Said) -> None:

@@ -50,7 +50,7 @@ AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
 LINE_URL = "serial://{path}?baud={baud}"
 SCANNER_PORTS = ("2112", "2111", scip.PORT)
 MTI_BAUDS = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
-HOKUYO, STRIPE = "urg04lx", "stripe"
+HOKUYO, STRIPE = scanner.HOKUYO, "stripe"
 ROBOTS = {HOKUYO: "urg04lx", STRIPE: "ragno"}  # that have such a scanner
 CAMERAS = "/dev/video*"
 CAMERA_URL = "v4l2://{path}?width=640&height=480&rate=30"
@@ -181,14 +181,15 @@ def find_scanner(host: str) -> Found:
     """A laser scanner at HOST or HOST:PORT, whichever of its ports and dialects answers."""
     name, _, port = host.partition(":")
     says = ""
-    for number in (port,) if port else SCANNER_PORTS:
+    tries = [(number, number == scip.PORT) for number in SCANNER_PORTS]
+    for number, is_scip in [(port, True), (port, False)] if port else tries:
         url = f"tcp://{name}:{number}"
         heard = bytearray()
         try:
-            parser = ScipParser() if scanner.is_of_scip(url) else new_parser("auto")
+            parser = ScipParser() if is_scip else new_parser("auto")
             with conversation(url, parser) as talk:
                 heard = talk.heard
-                if scanner.is_of_scip(url):
+                if is_scip:
                     scip.greet(talk)
                     words = f"laser scanner that {', '.join(scip.told(talk, scip.WHO))}"
                     return Found(host, "scanner", url, words, driver=HOKUYO)

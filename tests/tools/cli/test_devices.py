@@ -116,9 +116,12 @@ def test_lines_that_begin_with_a_colon_are_no_controller_yet(
     assert "motor controller in R/C" not in capsys.readouterr().out
 
 
-def test_a_hokuyo_scanner_is_found_on_the_network(capsys: Capsys, lines: SimulatedLines) -> None:
+@pytest.mark.parametrize("port", [scip.PORT, "4001"])
+def test_a_hokuyo_scanner_is_found_on_the_network(
+    port: str, capsys: Capsys, lines: SimulatedLines
+) -> None:
     truth = lambda t_s, times_s, bearings_rad: np.full(len(times_s), 2.0)  # noqa: E731
-    place = lines.tcp(FakeUrg04lx(truth, 1, "UTM-30LX"), scip.PORT)
+    place = lines.tcp(FakeUrg04lx(truth, 1, "UTM-30LX"), port)
     assert devices.main(["/dev/no-such-line", "--scanner", place]) == 0
     printed = capsys.readouterr().out
     assert f'port = "tcp://{place}"' in printed

@@ -169,9 +169,12 @@ class MjpegParser:
             self._is_refused = True
             said = (status[1] + status[2]).decode("latin-1")
             return Refused(f"the camera refuses the stream: {said[:80]!r}")
-        if boundary is None or CHUNKED.search(head):
+        if boundary is None:
             self._is_refused = True
             return Refused("the camera answers with something else than a stream of images")
+        if CHUNKED.search(head):
+            self._is_refused = True
+            return Refused("the camera answers in chunks, which HTTP/1.0 does not know")
         self._mark = b"--" + boundary[1]
         self._told = boundary[1] if boundary[1].startswith(b"--") else b""
         return StreamBegun()

@@ -123,7 +123,7 @@ def test_a_boundary_that_begins_with_hyphens_is_read_told_with_the_delimiters_or
     [
         (b"HTTP/1.0 401 Unauthorized\r\n\r\n", "401 Unauthorized"),
         (b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<html>", "something else"),
-        (HEAD[:-2] + b"Transfer-Encoding: chunked\r\n\r\n", "something else"),
+        (HEAD[:-2] + b"Transfer-Encoding: chunked\r\n\r\n", "in chunks"),
         (b"SSH-2.0-OpenSSH\r\n\r\n", "no web camera"),
     ],
 )

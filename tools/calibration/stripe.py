@@ -90,19 +90,25 @@ def boards_in(path: Path, options: StripeOptions) -> list[Board]:
 
 def _rows(path: Path, lines: Sequence[str]) -> list[tuple[str, float]]:
     reader = csv.DictReader(lines, skipinitialspace=True)
-    if not {FILE, TRUE} <= set(reader.fieldnames or ()):
-        raise PicturesError(f"{path}: needs the columns {FILE},{TRUE}")
-    rows = []
-    for row in reader:
-        try:
-            true_m = float(row[TRUE] or "")
-        except ValueError:
-            true_m = math.nan
-        if not 0.05 <= true_m <= 30.0 or not row[FILE]:
-            where = f"{path}: line {reader.line_num}"
-            raise PicturesError(f"{where}: needs a file, and {TRUE} from 0.05 to 30")
-        rows.append((row[FILE], true_m))
-    return rows
+    try:
+        if not {FILE, TRUE} <= set(reader.fieldnames or ()):
+            raise PicturesError(f"{path}: needs the columns {FILE},{TRUE}")
+        return [_row(f"{path}: line {reader.line_num}", row) for row in reader]
+    except csv.Error as error:
+        raise PicturesError(f"{path}: line {reader.line_num + 1}: {error}") from None
+
+
+def _row(where: str, row: dict[str, str]) -> tuple[str, float]:
+    name = row[FILE]
+    try:
+        true_m = float(row[TRUE] or "")
+    except ValueError:
+        true_m = math.nan
+    if not 0.05 <= true_m <= 30.0 or not name:
+        raise PicturesError(f"{where}: needs a file, and {TRUE} from 0.05 to 30")
+    if "\0" in name:
+        raise PicturesError(f"{where}: no file's name has the character NUL, as {name!r} has")
+    return name, true_m
 
 
 def board_of(true_m: float, stripe: Stripe, options: StripeOptions, name: str) -> Board:

@@ -97,6 +97,10 @@ def test_what_does_not_tell_the_plane_is_refused(tmp_path: Path, capsys: Capsys)
     (tmp_path / "board.csv").write_text("file,true_m\n0.jpg,near\n")
     status, why = refused(tmp_path / "board.csv")
     assert (status, "line 2: needs a file, and true_m from 0.05 to 30" in why) == (1, True)
+    for name in ("0.jpg\0", "a" * 200_000):
+        (tmp_path / "board.csv").write_text(f'file,true_m\n"{name}",0.4\n')
+        status, why = refused(tmp_path / "board.csv")
+        assert (status, "board.csv: line 2: " in why) == (1, True)
     (tmp_path / "board.csv").write_text("name\n")
     assert refused(tmp_path / "board.csv")[0] == 1
     assert refused(tmp_path / "none.csv")[0] == 2

@@ -22,6 +22,7 @@ from hw.stripe.geometry import (
 
 Pair = Annotated[list[float], Meta(min_length=2, max_length=2)]
 Pixels = Annotated[int, Meta(ge=32, le=4096)]
+LEAST_BASELINE_M = 0.01  # to either side
 SIGMA_STEPS = 200  # rows in which the least range is looked for
 MOST_BYTES_A_PIXEL = 1.0  # of a JPEG: a good one has 0.2
 
@@ -51,9 +52,10 @@ class StripeOptions(Struct, frozen=True):
     def __post_init__(self) -> None:
         if not min(self.focal_px) > 0.0:
             raise ValueError(f"focal_px: must be above 0, is {self.focal_px}")
-        if abs(self.baseline_m) < 0.01:
+        if abs(self.baseline_m) < LEAST_BASELINE_M:
             raise ValueError(
-                f"baseline_m: must be 0.01 m or more to one side, is {self.baseline_m:g}"
+                f"baseline_m: must be {LEAST_BASELINE_M:g} m or more to one side, "
+                f"is {self.baseline_m:g}"
             )
         w, h = self.image_px
         edge = [(u, v) for u in (0.0, w / 2, w - 1.0) for v in (0.0, h / 2, h - 1.0)]

@@ -5,9 +5,10 @@
 
 A part without Content-Length ends where the next boundary begins. Some cameras tell of each image
 when it was exposed, by a clock of their own: `X-Timestamp: 1700000000.123456`. Cameras differ:
-lines may end with LF alone, the boundary that is told may have its two hyphens already. Images are
-not decoded here; one whose end mark is missing is damaged. Chunked answers are refused: HTTP/1.0
-has none.
+lines may end with LF alone, the boundary that is told may have its two hyphens already. One that
+begins with two may also be right: then two more precede it, and the first delimiter shows which.
+Images are not decoded here; one whose end mark is missing is damaged. Chunked answers are refused:
+HTTP/1.0 has none.
 Source: RFC 2046, section 5.1.1; RFC 9112; ITU-T T.81, annex B.
 """
 
@@ -105,6 +106,7 @@ class MjpegParser:
         self._most, self._buffer = most_bytes, bytearray()
         self._searched = 0  # bytes of it that hold no end of what is awaited
         self._mark = b""  # what begins a part; none before the answer's head
+        self._told = b""  # which may be the mark as it is, until the first one is seen
         self._is_in_part = self._is_refused = False
         self._length: int | None = None  # of the part
         self._stamp_us: int | None = None
@@ -167,11 +169,23 @@ class MjpegParser:
             self._is_refused = True
             said = (status[1] + status[2]).decode("latin-1")
             return Refused(f"the camera refuses the stream: {said[:80]!r}")
-        if boundary is None or CHUNKED.search(head):
+        if boundary is None:
             self._is_refused = True
             return Refused("the camera answers with something else than a stream of images")
-        self._mark = b"--" + boundary[1].removeprefix(b"--")
+        if CHUNKED.search(head):
+            self._is_refused = True
+            return Refused("the camera answers in chunks, which HTTP/1.0 does not know")
+        self._mark = b"--" + boundary[1]
+        self._told = boundary[1] if boundary[1].startswith(b"--") else b""
         return StreamBegun()
+
+    def _settle_mark(self) -> None:
+        """By the first one: with two hyphens more than it was told, or without."""
+        at = self._buffer.find(self._told)
+        if at >= 0:
+            is_longer = self._buffer[:at].endswith(b"--")
+            self._mark, self._told = self._mark if is_longer else self._told, b""
+            self._searched = 0
 
     def _overlong(self, reason: str) -> BadFrame | None:
         """Headers that do not end are dropped, but for what may begin the next part."""
@@ -182,6 +196,8 @@ class MjpegParser:
 
     def _part_head(self, now_s: float) -> Event | None:
         """Up to the part's bytes: the boundary, then its headers."""
+        if self._told:
+            self._settle_mark()
         if not self._buffer.startswith(self._mark):
             at = self._find(self._mark)
             if at < 0:

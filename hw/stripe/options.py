@@ -22,6 +22,8 @@ from hw.stripe.geometry import (
 
 Pair = Annotated[list[float], Meta(min_length=2, max_length=2)]
 Pixels = Annotated[int, Meta(ge=32, le=4096)]
+MOST_FOCAL_PX = 50_000.0  # 5 deg over the largest image
+LEAST_BASELINE_M = 0.01  # to either side
 SIGMA_STEPS = 200  # rows in which the least range is looked for
 MOST_BYTES_A_PIXEL = 1.0  # of a JPEG: a good one has 0.2
 
@@ -49,11 +51,21 @@ class StripeOptions(Struct, frozen=True):
     max_range_m: Annotated[float, Meta(ge=0.2, le=30)]
 
     def __post_init__(self) -> None:
-        if not min(self.focal_px) > 0.0:
-            raise ValueError(f"focal_px: must be above 0, is {self.focal_px}")
-        if abs(self.baseline_m) < 0.01:
+        if not all(0.0 < focal <= MOST_FOCAL_PX for focal in self.focal_px):
             raise ValueError(
-                f"baseline_m: must be 0.01 m or more to one side, is {self.baseline_m:g}"
+                f"focal_px: must be above 0, up to {MOST_FOCAL_PX:g}, is {self.focal_px}"
+            )
+        for of, size, centre in zip(
+            ("width", "height"), self.image_px, self.centre_px, strict=True
+        ):  # outside of the image where that is a part of a larger one
+            if not -size <= centre <= 2 * size:
+                raise ValueError(
+                    f"centre_px: must be within {-size} to {2 * size} px of {of}, is {centre:g}"
+                )
+        if abs(self.baseline_m) < LEAST_BASELINE_M:
+            raise ValueError(
+                f"baseline_m: must be {LEAST_BASELINE_M:g} m or more to one side, "
+                f"is {self.baseline_m:g}"
             )
         w, h = self.image_px
         edge = [(u, v) for u in (0.0, w / 2, w - 1.0) for v in (0.0, h / 2, h - 1.0)]

@@ -197,7 +197,10 @@ class StripeScanner(Device[PointSweep]):
         return self._times.uncertainty_s
 
     def measured(self) -> dict[str, float]:
-        told = {"images_passed_over": float(self._newest.passed_over)}
+        told = {
+            "images_passed_over": float(self._newest.passed_over),
+            "clock_restarts": float(self._times.restarts),
+        }
         if (stripe := self._maker.maybe_stripe) is not None:
             told |= {
                 "line_share": round(self._share, 3),

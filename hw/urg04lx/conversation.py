@@ -56,7 +56,7 @@ class Conversation:
         if reply is None:
             raise StartAgainError(f"the scanner does not answer {command}")
         if reply.status not in (good or (says.OK,)):
-            why = says.describe_status(reply.status)
+            why = says.describe_status(reply.status, command)
             raise StartAgainError(f"the scanner refuses {command}: {why}")
         return reply
 
@@ -94,7 +94,8 @@ class Conversation:
             elif reply.status in says.UNKNOWN:
                 yield from self.ask("TM2")
             else:
-                raise StartAgainError(f"the scanner: {says.describe_status(reply.status)}")
+                why = says.describe_status(reply.status, "QT")
+                raise StartAgainError(f"the scanner: {why}")
         return False
 
     def _change_rate(self) -> Steps[None]:

@@ -103,11 +103,12 @@ class Delivery:
         """Hand it on, if it is a scan."""
         status, good = reply.status, says.DATA if self._options.stream else says.OK
         if status != good:
+            why = f"the scanner: {says.describe_status(status, reply.command)}"
             if status.isdigit() and int(status) in says.SUSPENDED:
-                self._status.fall_back("starting", f"the scanner: {says.describe_status(status)}")
+                self._status.fall_back("starting", why)
                 self._said_s = math.inf  # it goes on by itself, and says so
             elif status not in (says.OK, says.RESUMED):
-                raise StartAgainError(f"the scanner: {says.describe_status(status)}")
+                raise StartAgainError(why)
             return
         found = self._maker.scan(reply, window)
         if found is None:

@@ -18,7 +18,8 @@ SCIP1_REFUSES, SCIP1_OK = "E", "0"
 LEAST_RANGE_MM = 20  # smaller values say why there is no range
 MOST_STEPS = 10_000  # as many as four digits of a request can name
 MOST_TWO_CHARACTERS = 4095  # as far as two characters reach: so far, or farther
-TROUBLES = {
+SCANS = ("GD", "GS", "MD", "MS")  # commands
+OF_SCANS = {  # statuses 01 to 07 mean something else with each command
     "01": "the first step is no number",
     "02": "the last step is no number",
     "03": "the cluster is no number",
@@ -26,6 +27,8 @@ TROUBLES = {
     "05": "the last step is before the first",
     "06": "the interval is no number",
     "07": "the count of scans is no number",
+}
+OF_ANY = {
     "0A": "it cannot build a reply",
     "0B": "its buffer is short, or a command was repeated",
     "0C": "too few parameters",
@@ -36,19 +39,28 @@ TROUBLES = {
     "0H": "the text of the request has wrong letters",
     "0I": "it waits for new firmware",
     LASER_OFF: "its laser is off",
+    SCIP1_REFUSES: "it has restarted, and speaks SCIP 1.1",
 }
 
 
-def describe_status(status: str) -> str:
-    """What a status other than good means.
+def describe_status(status: str, command: str) -> str:
+    """What a status other than good means, in answer to that command.
 
-    >>> describe_status("10"), describe_status("63")
+    >>> describe_status("10", "GD0044072500"), describe_status("63", "MD0044072500000")
     ('its laser is off (status 10)', 'it has trouble with its hardware (status 63)')
+    >>> describe_status("01", "BM"), describe_status("01", "TM2")
+    ('its laser has a fault (status 01)', 'status 01 of TM2')
     """
-    known = TROUBLES.get(status, "")
-    if not known and status.isdigit():
+    known = OF_ANY.get(status, "")
+    if status in OF_SCANS and command[:2] in SCANS:
+        known = OF_SCANS[status]
+    elif (status, command) == ("01", "BM"):
+        known = "its laser has a fault"
+    elif status in OF_SCANS:
+        return f"status {status} of {command}"
+    elif status.isdigit():
         number = int(status)
-        known = "it has stopped to check an error" if number in SUSPENDED else known
+        known = known or ("it has stopped to check an error" if number in SUSPENDED else "")
         known = known or ("it has trouble with its hardware" if 50 <= number <= 97 else "")
     return f"{known or 'it says what is not documented'} (status {status})"
 

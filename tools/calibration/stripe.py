@@ -23,13 +23,15 @@ from hw.device import BadFrame
 from hw.stripe.detect import Stripe
 from hw.stripe.geometry import slopes_from_pixel
 from hw.stripe.images import MISSING, Decoder
-from hw.stripe.options import StripeOptions
+from hw.stripe.options import LEAST_BASELINE_M, StripeOptions
 from hw.stripe.sweep import SweepMaker
 
 FILE, TRUE = "file", "true_m"
 LEAST_BOARDS, LEAST_RATIO = 3, 1.3  # of distances; of the farthest to the nearest
 LEAST_COLUMNS = 50  # with a line, of a picture
 OUTLIER_SIGMAS, ROUNDS = 3.0, 3
+BASELINE_SIGMAS = 3.0  # that a baseline has at least, or chance alone may have made it
+MOST_CHI2 = 1000.0  # of what is expected: one distance that is 5 cm off makes 600
 LEAST_PX = 0.05  # error of the line's place that many columns share
 SPREAD_SHARE = 1.4826  # standard deviation of noise whose middle half lies within +-1 / this
 
@@ -90,19 +92,25 @@ def boards_in(path: Path, options: StripeOptions) -> list[Board]:
 
 def _rows(path: Path, lines: Sequence[str]) -> list[tuple[str, float]]:
     reader = csv.DictReader(lines, skipinitialspace=True)
-    if not {FILE, TRUE} <= set(reader.fieldnames or ()):
-        raise PicturesError(f"{path}: needs the columns {FILE},{TRUE}")
-    rows = []
-    for row in reader:
-        try:
-            true_m = float(row[TRUE] or "")
-        except ValueError:
-            true_m = math.nan
-        if not 0.05 <= true_m <= 30.0 or not row[FILE]:
-            where = f"{path}: line {reader.line_num}"
-            raise PicturesError(f"{where}: needs a file, and {TRUE} from 0.05 to 30")
-        rows.append((row[FILE], true_m))
-    return rows
+    try:
+        if not {FILE, TRUE} <= set(reader.fieldnames or ()):
+            raise PicturesError(f"{path}: needs the columns {FILE},{TRUE}")
+        return [_row(f"{path}: line {reader.line_num}", row) for row in reader]
+    except csv.Error as error:
+        raise PicturesError(f"{path}: line {reader.line_num + 1}: {error}") from None
+
+
+def _row(where: str, row: dict[str, str]) -> tuple[str, float]:
+    name = row[FILE]
+    try:
+        true_m = float(row[TRUE] or "")
+    except ValueError:
+        true_m = math.nan
+    if not 0.05 <= true_m <= 30.0 or not name:
+        raise PicturesError(f"{where}: needs a file, and {TRUE} from 0.05 to 30")
+    if "\0" in name:
+        raise PicturesError(f"{where}: no file's name has the character NUL, as {name!r} has")
+    return name, true_m
 
 
 def board_of(true_m: float, stripe: Stripe, options: StripeOptions, name: str) -> Board:
@@ -143,7 +151,7 @@ def fit(boards: Sequence[Board], placed_m: float, near_baseline_m: float) -> Pla
         near_baseline_m: about what it is, for the weights of a first round.
 
     Raises:
-        PicturesError: too few, or all at nearly the same distance.
+        PicturesError: too few, or all at nearly the same distance; or no plane can be so.
     """
     true_m = np.array([board.true_m for board in boards])
     if len(boards) < LEAST_BOARDS or true_m.max() < LEAST_RATIO * true_m.min():
@@ -161,6 +169,8 @@ def fit(boards: Sequence[Board], placed_m: float, near_baseline_m: float) -> Pla
         baseline_m, tangent = covariance @ (a.T @ (weights * slopes))
     chi2 = float(weights @ (slopes - a @ np.array([baseline_m, tangent])) ** 2)
     share = chi2 / (len(boards) - 2)
+    if why := _fault_of(baseline_m, math.sqrt(covariance[0, 0]), share, near_baseline_m):
+        raise PicturesError(why)
     by_tangent = np.diag([1.0, 1.0 / (1.0 + tangent**2)])  # d beta / d tan(beta)
     return PlaneFit(
         tuple(boards),
@@ -170,3 +180,32 @@ def fit(boards: Sequence[Board], placed_m: float, near_baseline_m: float) -> Pla
         baseline_m / (tangent - slopes) - true_m,
         share,
     )
+
+
+def _fault_of(baseline_m: float, sigma_m: float, share: float, near_m: float) -> str:
+    """Why a plane with that baseline can't be; "" if it can.
+
+    Args:
+        sigma_m: if the boards' errors explain what is left.
+        share: of what is expected of that.
+        near_m: what the baseline is about.
+    """
+    told_m, sigmas = abs(baseline_m), BASELINE_SIGMAS
+    widened_m = sigma_m * math.sqrt(max(1.0, share))
+    if told_m >= max(LEAST_BASELINE_M, sigmas * sigma_m) and baseline_m * near_m < 0.0:
+        return (
+            f"the boards tell a baseline of {baseline_m:.3f} m, which has the laser on the other "
+            f"side than scanner.baseline_m = {near_m:g}: is each distance that of its picture?"
+        )
+    if told_m >= LEAST_BASELINE_M and share > MOST_CHI2:
+        return (
+            f"the boards contradict each other {share:.0f} times as much as their errors explain, "
+            f"allowed are {MOST_CHI2:g} times: is each distance that of its picture?"
+        )
+    if told_m < max(LEAST_BASELINE_M, sigmas * widened_m):
+        return (
+            f"the boards tell a baseline of {told_m:.3f} m, 1 sigma {widened_m:.2g} m: it must be "
+            f"{LEAST_BASELINE_M:g} m or more, and {sigmas:g} sigma or more: "
+            "has each distance a picture of its own?"
+        )
+    return ""

@@ -8,10 +8,12 @@ from typing import Any, Protocol
 
 from core.config import ConfigError
 from hw.device import BadFrame, Parser, Port
+from hw.ports.url import parse_url
 from hw.ports.wires import PortUrlError, open_port
 from tools.cli.options import configured, fail
 
 STEP_S = 0.002
+BITS_A_BYTE = 10  # on a serial line
 OPEN_S = 3.5  # a little longer than a TCP connection may take
 
 
@@ -56,6 +58,7 @@ class Conversation:
         self.heard = bytearray()  # everything that arrived
         self._line, self._parser = LINE(url), parser
         self.now_s, self._port = self._line.now_s, self._line.port
+        self._baud = parse_url(url).baud
 
     def open(self) -> None:
         """Waits for the port. Raises NoAnswerError: it does not open in time, with the cause."""
@@ -64,6 +67,10 @@ class Conversation:
             if self.now_s() >= until_s:
                 raise NoAnswerError(self._port.cause)
             self._line.wait()
+
+    def line_s(self, size: int) -> float:
+        """How long so many bytes take on a serial line; 0 elsewhere."""
+        return size * BITS_A_BYTE / self._baud if self._baud else 0.0
 
     def say(self, data: bytes) -> None:
         self._port.write(data)
@@ -90,7 +97,7 @@ class Conversation:
             for event in self.hear(seconds):
                 if is_answer(event):
                     return event
-        raise NoAnswerError(f"no answer within {tries * seconds:g} s")
+        raise NoAnswerError(f"no answer within {tries * seconds:.2g} s")
 
     def close(self) -> None:
         self._port.close()

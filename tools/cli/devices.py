@@ -6,11 +6,12 @@ are and what they give, and prints the lines of `mapod.toml`. --udev prints rule
 device a name of its own.
 
 It listens first, and asks only what changes nothing: one carriage return and a read for the motor
-controller; an MTi is stopped for a moment to say who it is, and measures again. Close mapod first:
-a port has one reader.
+controller; an MTi is stopped for a moment to say who it is, and measures again; a Hokuyo scanner
+that streams, for a host that has gone, is stopped. Close mapod first: a port has one reader.
 """
 
 import os
+import re
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
@@ -21,7 +22,16 @@ from typing import Any
 
 from serial.tools.list_ports_linux import comports
 
-from hw.ax3500.lines import CR, ENCODER_BIT, Line, LineParser, encode_query, maybe_byte
+from hw.ax3500.lines import (
+    CR,
+    ENCODER_BIT,
+    LEFT_OUT,
+    SEVEN_BITS,
+    Line,
+    LineParser,
+    encode_query,
+    maybe_byte,
+)
 from hw.fingerprint import NAMES, maybe_protocol
 from hw.lms1xx.telegrams import new_parser
 from hw.mti.frames import Mid, MtFrame, MtParser, encode_frame
@@ -40,11 +50,12 @@ AX3500_URL = "serial://{path}?baud=9600&parity=E&bytesize=7"
 LINE_URL = "serial://{path}?baud={baud}"
 SCANNER_PORTS = ("2112", "2111", scip.PORT)
 MTI_BAUDS = (115_200, 921_600, 460_800, 230_400, 57_600, 38_400, 19_200, 9_600)
-HOKUYO, STRIPE = "urg04lx", "stripe"
+HOKUYO, STRIPE = scanner.HOKUYO, "stripe"
 ROBOTS = {HOKUYO: "urg04lx", STRIPE: "ragno"}  # that have such a scanner
 CAMERAS = "/dev/video*"
 CAMERA_URL = "v4l2://{path}?width=640&height=480&rate=30"
-LISTEN_LINE_S = 0.6  # a logging line takes 0.23 s
+LOGGED = re.compile(rb"(?::[0-9A-F]{24,32}\r){2}")  # in R/C and analog mode; one may be chance
+LISTEN_LINE_S = 0.9  # a logging line takes up to 0.27 s: two of them, behind a part of one
 LISTEN_DATA_S = 0.12  # ten samples a second at least
 ANSWER_S = 0.3
 NO_PORTS = (
@@ -93,8 +104,9 @@ def _maybe_controller(path: str, heard: bytearray) -> Found | None:
     url = AX3500_URL.format(path=path)
     with conversation(url, LineParser()) as talk:
         try:
-            lines = (event for event in talk.hear(LISTEN_LINE_S) if isinstance(event, Line))
-            if any(line.text[:1] == ":" for line in lines):
+            for _ in talk.hear(LISTEN_LINE_S):
+                pass
+            if LOGGED.search(talk.heard.translate(SEVEN_BITS, LEFT_OUT)):
                 return Found(path, "drive", url, "motor controller in R/C or analog mode")
             query = "^8A"
             talk.say(CR)
@@ -169,14 +181,15 @@ def find_scanner(host: str) -> Found:
     """A laser scanner at HOST or HOST:PORT, whichever of its ports and dialects answers."""
     name, _, port = host.partition(":")
     says = ""
-    for number in (port,) if port else SCANNER_PORTS:
+    tries = [(number, number == scip.PORT) for number in SCANNER_PORTS]
+    for number, is_scip in [(port, True), (port, False)] if port else tries:
         url = f"tcp://{name}:{number}"
         heard = bytearray()
         try:
-            parser = ScipParser() if scanner.is_of_scip(url) else new_parser("auto")
+            parser = ScipParser() if is_scip else new_parser("auto")
             with conversation(url, parser) as talk:
                 heard = talk.heard
-                if scanner.is_of_scip(url):
+                if is_scip:
                     scip.greet(talk)
                     words = f"laser scanner that {', '.join(scip.told(talk, scip.WHO))}"
                     return Found(host, "scanner", url, words, driver=HOKUYO)

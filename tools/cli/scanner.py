@@ -3,14 +3,16 @@
 Who it is and how it is; storing its settings for good (which wears its memory out, so mapod never
 does it by itself), setting its clock or its dialect, start, stop, reboot. The port is that of
 mapod.toml, or --port. Whatever needs a login ends with Run, or the device would stay busy; mapod,
-if it is connected, sees that and begins again. A Hokuyo scanner, on a serial line or at port
-10940, knows info, start, stop and reboot.
+if it is connected, sees that and begins again. A Hokuyo scanner knows info, start, stop and reboot;
+with --port it is one on a serial line or at port 10940, else scanner.driver tells.
 """
 
 from collections.abc import Callable
 from datetime import datetime
+from pathlib import Path
 from typing import get_args
 
+from core.config import ConfigError
 from hw.lms1xx import commands
 from hw.lms1xx.cola import ColaParser, Dialect
 from hw.lms1xx.commands import Command
@@ -19,9 +21,10 @@ from hw.lms1xx.telegrams import Answer, Refusal, Telegram, new_parser
 from hw.urg04lx.scip import ScipParser
 from tools.cli import scip
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError, print_what
-from tools.cli.options import Parser, parser_of
+from tools.cli.options import Parser, configured, parser_of
 
 DIALECTS: tuple[Dialect, ...] = get_args(Dialect)
+SICK, HOKUYO = "lms111", "urg04lx"  # drivers
 PROBE_S, ANSWER_S = 0.7, 2.5
 
 
@@ -179,7 +182,7 @@ def main(given: list[str] | None = None) -> int:
 
     def new(url: str) -> ScipParser | ColaParser[Telegram]:
         nonlocal is_scip
-        is_scip = is_of_scip(url)
+        is_scip = is_of_scip(url) if options.port else is_set_to_scip(options.config)
         return ScipParser() if is_scip else new_parser("auto")
 
     def do(talk: Conversation) -> list[str]:
@@ -194,3 +197,11 @@ def main(given: list[str] | None = None) -> int:
 def is_of_scip(url: str) -> bool:
     """Whether a port is one of a Hokuyo scanner: SICK's have no serial line, and other ports."""
     return url.startswith("serial:") or url.endswith(f":{scip.PORT}")
+
+
+def is_set_to_scip(path: Path) -> bool:
+    """The same of the scanner in settings. Raises ConfigError: it is neither of both."""
+    driver = configured(path).scanner.driver
+    if driver not in (SICK, HOKUYO):
+        raise ConfigError(f"scanner.driver: must be {SICK!r} or {HOKUYO!r}, is {driver!r}")
+    return driver == HOKUYO

@@ -1,16 +1,19 @@
 """What a person may want of a Hokuyo scanner: the same words as for other scanners, over SCIP.
 
-At whatever rate its port is set to; a scanner that speaks SCIP 1.1 is switched over, as mapod does.
+At whatever rate its port is set to; a scanner that speaks SCIP 1.1 is switched over, and one that
+streams for a host that has gone is stopped, as mapod does.
 """
 
 from collections.abc import Callable, Mapping
 
+from hw.urg04lx.conversation import FOUND_S, LONGEST_REPLY
 from hw.urg04lx.scip import Reply, encode_request
 from hw.urg04lx.sensor import OK, SCIP1_REFUSES, UNKNOWN, describe_status, texts_of
 from tools.cli.conversation import Conversation, NoAnswerError, RefusedError
 
 PORT = "10940"  # of those on Ethernet
 ANSWER_S, QUIET_S = 0.5, 0.14
+STREAM_BYTES = 64  # unasked in QUIET_S; what it still answers to others is shorter
 WHO = {"VV": ("PROD", "FIRM", "SERI")}
 HOW = {**WHO, "PP": ("MODL", "DMIN", "DMAX", "ARES", "SCAN"), "II": ("LASR", "MESM", "STAT")}
 WORDS = {
@@ -29,13 +32,14 @@ WORDS = {
 NOT_KNOWN = "a Hokuyo scanner has no such command: allowed are info, start, stop and reboot"
 
 
-def ask(talk: Conversation, command: str, tries: int = 2) -> Reply:
-    """Raises NoAnswerError."""
+def ask(talk: Conversation, command: str, tries: int = 2, wait_s: float = ANSWER_S) -> Reply:
+    """The reply, which may stand behind a scan that is on its way. Raises NoAnswerError."""
 
     def is_reply(event: object) -> bool:
         return isinstance(event, Reply) and event.command == command
 
-    reply: Reply = talk.ask(encode_request(command), is_reply, ANSWER_S, tries)
+    seconds = wait_s + talk.line_s(LONGEST_REPLY)
+    reply: Reply = talk.ask(encode_request(command), is_reply, seconds, tries)
     return reply
 
 
@@ -43,15 +47,19 @@ def do(talk: Conversation, command: str, *good: str) -> None:
     """Raises RefusedError, NoAnswerError."""
     reply = ask(talk, command)
     if reply.status not in (good or (OK,)):
-        raise RefusedError(f"the scanner refuses {command}: {describe_status(reply.status)}")
+        why = describe_status(reply.status, command)
+        raise RefusedError(f"the scanner refuses {command}: {why}")
 
 
 def greet(talk: Conversation) -> None:
     """It speaks SCIP 2.0, and takes commands. Raises NoAnswerError: it is none."""
+    before = len(talk.heard)
     talk.say(b"\n")  # ends what others have begun to say
     for _ in talk.hear(QUIET_S):
         pass
-    reply = ask(talk, "PP", tries=1)  # of VV some damage a line
+    if len(talk.heard) - before > STREAM_BYTES:
+        ask(talk, "QT", 1, FOUND_S)
+    reply = ask(talk, "PP", 1, FOUND_S)  # of VV some damage a line
     if reply.status == SCIP1_REFUSES:
         ask(talk, "SCIP2.0")
     elif reply.status in UNKNOWN:

@@ -44,6 +44,8 @@ def test_the_documents_sections_make_a_camera(driver: str, kind: type[Any]) -> N
         ("kinect", "kinect:///0?format=mm", "tcp://a:1", "must begin with kinect:/// or fakenect"),
         ("kinect", "?format=mm", "", "format must be mm or raw, is missing"),
         ("kinect", "[580.0, 580.0]", "[5800.0, 580.0]", "fx 5800, cx 319.5 for 640 px"),
+        ("kinect", "[580.0, 580.0]", "[inf, 580.0]", "fx inf, cx 319.5 for 640 px"),
+        ("kinect", "[319.5, 239.5]", "[319.5, nan]", "cy nan for 480 px"),
         ("kinect", "shift = 200", "shift = 900", "from 0 to 500, is 900"),
         ("kinect", "emitter_m", "emiter_m", "emiter_m"),
         ("folder", "folder:///home", "kinect:///0?format=mm#", "depth.port"),

@@ -103,12 +103,27 @@ def test_what_cameras_do_differently_is_understood(head: bytes, length: int | No
     assert bad_of(events) == []
 
 
+@pytest.mark.parametrize("told", [b"--myb", b"----WebKitX", b"-" * 24 + b"d74496d6"])
+@pytest.mark.parametrize("is_told_with_hyphens", [True, False])
+@pytest.mark.parametrize("length", [-1, None])
+def test_a_boundary_that_begins_with_hyphens_is_read_told_with_the_delimiters_or_without(
+    told: bytes, is_told_with_hyphens: bool, length: int | None
+) -> None:
+    mark = told if is_told_with_hyphens else b"--" + told
+    parts = b"".join(part(image(k), length, mark) for k in range(4))
+    stream = HEAD.replace(b"=frame", b"=" + told) + parts + mark
+    for pieces in ([stream], cut(stream, range(0, 20_000, 1))):
+        events = fed(*pieces)
+        assert images_of(events) == [image(k) for k in range(4)]
+        assert bad_of(events) == []
+
+
 @pytest.mark.parametrize(
     ("answer", "why"),
     [
         (b"HTTP/1.0 401 Unauthorized\r\n\r\n", "401 Unauthorized"),
         (b"HTTP/1.0 200 OK\r\nContent-Type: text/html\r\n\r\n<html>", "something else"),
-        (HEAD[:-2] + b"Transfer-Encoding: chunked\r\n\r\n", "something else"),
+        (HEAD[:-2] + b"Transfer-Encoding: chunked\r\n\r\n", "in chunks"),
         (b"SSH-2.0-OpenSSH\r\n\r\n", "no web camera"),
     ],
 )

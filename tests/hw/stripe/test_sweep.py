@@ -76,6 +76,11 @@ def test_errors_are_as_large_as_the_settings_say() -> None:
     [
         ({"baseline_m": 0.0}, "baseline_m: must be 0.01 m or more"),
         ({"focal_px": [600.0, 0.0]}, "focal_px: must be above 0"),
+        ({"focal_px": [math.inf, 600.0]}, "focal_px: must be above 0, up to 50000, is .inf"),
+        ({"focal_px": [600.0, 1e308]}, "focal_px: must be above 0, up to 50000"),
+        ({"focal_px": [math.nan, 600.0]}, "focal_px: must be above 0, up to 50000"),
+        ({"centre_px": [319.5, 1e9]}, "centre_px: must be within -480 to 960 px of height"),
+        ({"centre_px": [math.nan, 239.5]}, "centre_px: must be within -640 to 1280 px of width"),
         ({"distortion": [-3.0, 0.0, 0.0, 0.0, 0.0]}, "distortion: folds the image"),
         ({"laser_deg": -60.0}, "laser_deg: must let the camera see"),
     ],

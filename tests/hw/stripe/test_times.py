@@ -1,6 +1,7 @@
 """Times of images: the camera's, by the least delayed of them; too late is of no use."""
 
 import numpy as np
+import pytest
 
 from hw.device import BadFrame
 from hw.stripe.mjpeg import Jpeg
@@ -63,3 +64,49 @@ def test_a_camera_whose_clock_begins_anew_is_believed() -> None:
     exposed_s = times.exposed_s(jpeg(60.0, 0.0, ahead_s=0.0))
     assert isinstance(exposed_s, float)
     assert abs(exposed_s - 60.0) < 0.001
+
+
+@pytest.mark.parametrize(("back_s", "away_s"), [(0.4, 0.1), (1.0, 0.1), (1200.0, 3600.0)])
+def test_a_clock_that_is_set_back_is_believed_after_two_seconds_and_counted(
+    back_s: float, away_s: float
+) -> None:
+    times = ImageTimes(LATENCY_S)
+    fed(times, 50.0, 600)
+    first_s, refused = 70.0 + away_s, 0
+    delays_s = np.random.default_rng(2).exponential(0.01, 150)
+    for k, delay_s in enumerate(delays_s):
+        at_s = first_s + k / 30.0
+        exposed_s = times.exposed_s(jpeg(at_s, float(delay_s), CAMERA_S - back_s))
+        if isinstance(exposed_s, BadFrame):
+            assert refused == k  # none between those that are believed
+            refused += 1
+        else:
+            assert abs(exposed_s - at_s) < (0.06 if k < refused + 30 else 0.003)
+    assert 1.5 < refused / 30.0 < 2.0
+    assert times.restarts == 1
+
+
+@pytest.mark.parametrize(
+    ("stored_hz", "sent_hz"),
+    [(30.0, 36.0), (30.0, 300.0), (30.0, 20.0), (15.0, 15.0)],
+    ids=["drained slowly", "drained at once", "filled", "at half the rate"],
+)
+def test_images_from_a_store_are_late_however_long_that_lasts(
+    stored_hz: float, sent_hz: float
+) -> None:
+    times = ImageTimes(LATENCY_S)
+    fed(times, 50.0, 600)
+    for k in range(180):
+        exposed_s, came_s = 71.0 + k / stored_hz, 80.0 + k / sent_hz
+        if came_s - exposed_s > 0.5:
+            assert isinstance(times.exposed_s(jpeg(exposed_s, came_s - exposed_s)), BadFrame)
+    assert times.restarts == 0
+
+
+def test_a_clock_that_goes_back_again_is_believed_again() -> None:
+    times = ImageTimes(LATENCY_S)
+    for k in range(3):
+        for n in range(90):
+            told = times.exposed_s(jpeg(50.0 + 3.0 * k + n / 30.0, 0.0, CAMERA_S - 5.0 * k))
+        assert isinstance(told, float)
+    assert times.restarts == 2

@@ -254,6 +254,31 @@ def test_after_its_last_words_nothing_is_asked() -> None:
     assert bench.script.asked == ["QT"]
 
 
+def polled() -> Bench:
+    """Each scan is asked for; none is answered."""
+    bench = Bench(msgspec.structs.replace(OPTIONS, stream=False))
+    bench.script.answers["II"] = [reply("II", "00", b"TIME:00C350")]
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("command", "status", "words"),
+    [
+        ("BM", "01", "refuses BM: its laser has a fault (status 01)"),
+        ("PP", "01", "refuses PP: status 01 of PP"),
+        ("GD0384044801", "01", "the scanner: the first step is no number (status 01)"),
+        ("GD0384044801", "E", "the scanner: it has restarted, and speaks SCIP 1.1 (status E)"),
+    ],
+)
+def test_what_a_status_means_depends_on_its_command(command: str, status: str, words: str) -> None:
+    bench = polled()
+    bench.script.answers[command] = [reply(command, status)]
+    while "status" not in bench.cause:
+        bench.run(0.005)
+        assert bench.now_s < 60
+    assert bench.cause.endswith(words)
+
+
 def test_a_single_scan_is_asked_for_when_the_last_one_is_there_and_its_time_with_it() -> None:
     bench = Bench(msgspec.structs.replace(OPTIONS, stream=False))
     gd = "GD0384044801"

@@ -99,12 +99,43 @@ def test_what_does_not_tell_the_plane_is_refused(tmp_path: Path, capsys: Capsys)
     (tmp_path / "board.csv").write_text("file,true_m\n0.jpg,near\n")
     status, why = refused(tmp_path / "board.csv")
     assert (status, "line 2: needs a file, and true_m from 0.05 to 30" in why) == (1, True)
+    for name in ("0.jpg\0", "a" * 200_000):
+        (tmp_path / "board.csv").write_text(f'file,true_m\n"{name}",0.4\n')
+        status, why = refused(tmp_path / "board.csv")
+        assert (status, "board.csv: line 2: " in why) == (1, True)
     (tmp_path / "board.csv").write_text("name\n")
     assert refused(tmp_path / "board.csv")[0] == 1
     assert refused(tmp_path / "none.csv")[0] == 2
     hokuyo = (ROOT / "robots" / "urg04lx.toml").read_text(encoding="utf-8")
     status, why = refused(pictures(tmp_path), hokuyo)
     assert (status, "scanner.driver: must be 'stripe', is 'urg04lx'" in why) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        ((1, 1, 1, 1, 1), "boards tell a baseline of 0.000 m"),  # one picture at all distances
+        ((4, 3, 2, 1, 0), "has the laser on the other side"),
+        ((0, 1, 2, 4, 3), "contradict each other"),
+    ],
+)
+def test_a_plane_that_cannot_be_is_refused_and_not_written(
+    order: tuple[int, ...], words: str, tmp_path: Path, capsys: Capsys
+) -> None:
+    table = pictures(tmp_path)
+    rows = [f"{k}.jpg,{away_m}" for k, away_m in zip(order, AT_M, strict=True)]
+    table.write_text("\n".join(["file,true_m", *rows]) + "\n")
+    assert called(tmp_path, table, "--write") == 1
+    told = capsys.readouterr()
+    assert words in told.err
+    assert "[scanner]" not in told.out
+    assert (tmp_path / "mapod.toml").read_text() == SHIPPED
+
+
+def test_a_baseline_that_errors_alone_may_make_is_refused() -> None:
+    boards = [Board(x, 0.2 - 0.012 / x, 0.02, 640) for x in AT_M]
+    with pytest.raises(PicturesError, match=r"0.012 m, 1 sigma 0.016 m: .* 3 sigma or more"):
+        fit(boards, 0.001, 0.1)
 
 
 def test_too_few_boards_name_what_was_given() -> None:

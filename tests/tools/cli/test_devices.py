@@ -14,7 +14,8 @@ from fakes.stripe.video import FakeVideo
 from fakes.urg04lx.device import FakeUrg04lx
 from hw.ports.url import parse_url
 from tests import Capsys, Patch
-from tests.support.devices.simulated_lines import SimulatedLines
+from tests.support.devices.simulated_lines import START_S, SimulatedLines
+from tests.support.devices.streaming_urg04lx import streams_at_19200
 from tests.support.machine.plain_user import as_plain_user
 from tests.support.machine.real_time import StillWheels, level_sensor
 from tools.cli import devices, scip
@@ -79,9 +80,48 @@ def test_a_hokuyo_scanner_is_found_on_a_line_and_measures_on(
     assert "serial number H0614967" in printed
 
 
-def test_a_hokuyo_scanner_is_found_on_the_network(capsys: Capsys, lines: SimulatedLines) -> None:
+@pytest.mark.parametrize("wait_s", [0.0, 0.5, 1.12])  # within a scan, and between two
+def test_a_hokuyo_scanner_that_streams_at_its_slowest_is_found_and_stopped(
+    wait_s: float, capsys: Capsys, lines: SimulatedLines
+) -> None:
+    """A scan takes 1.11 s on the line then."""
+    fake = streams_at_19200(lines)
+    path = lines.serial(fake)
+    until_s = lines.clocks[path] + wait_s
+    lines.run(path, lambda: lines.clocks[path] >= until_s)
+    assert devices.main([path]) == 0
+    printed = capsys.readouterr().out
+    assert f'port = "serial://{path}?baud=19200"' in printed
+    assert "serial number H0614967" in printed
+    assert not fake.head.is_lit
+
+
+class Colons:
+    """Sends the same bytes as long as somebody listens, 100 a second."""
+
+    def __init__(self, said: bytes) -> None:
+        self._said, self._sent = said, 0
+
+    def exchange(self, now_s: float, received: bytes) -> bytes:
+        count, at = round(100 * (now_s - START_S)) - self._sent, self._sent % len(self._said)
+        self._sent += count
+        return (self._said[at:] + count * self._said)[:count]
+
+
+@pytest.mark.parametrize("said", [b":12\r:34\r", b":" + b"0" * 24 + b"\r\x03\x04\r"])
+def test_lines_that_begin_with_a_colon_are_no_controller_yet(
+    said: bytes, capsys: Capsys, lines: SimulatedLines
+) -> None:
+    assert devices.main([lines.serial(Colons(said))]) == 1
+    assert "motor controller in R/C" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("port", [scip.PORT, "4001"])
+def test_a_hokuyo_scanner_is_found_on_the_network(
+    port: str, capsys: Capsys, lines: SimulatedLines
+) -> None:
     truth = lambda t_s, times_s, bearings_rad: np.full(len(times_s), 2.0)  # noqa: E731
-    place = lines.tcp(FakeUrg04lx(truth, 1, "UTM-30LX"), scip.PORT)
+    place = lines.tcp(FakeUrg04lx(truth, 1, "UTM-30LX"), port)
     assert devices.main(["/dev/no-such-line", "--scanner", place]) == 0
     printed = capsys.readouterr().out
     assert f'port = "tcp://{place}"' in printed

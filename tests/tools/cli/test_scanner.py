@@ -1,12 +1,15 @@
 """`mapod scanner` against a fake scanner on a simulated network, in both dialects."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from fakes.lms1xx.device import FakeLms111
 from fakes.urg04lx.device import FakeUrg04lx
-from tests import Capsys
+from tests import ROOT, Capsys
 from tests.support.devices.simulated_lines import Said, SimulatedLines
+from tests.support.devices.streaming_urg04lx import streams_at_19200
 from tools.cli import scanner
 
 
@@ -74,10 +77,39 @@ def test_a_hokuyo_scanner_tells_who_it_is_and_does_what_it_is_told(line_said: Sa
     assert "laser is off" in line_said(fake, "stop")
     assert "those of power on" in line_said(fake, "reboot")
     assert "no such command" in line_said(fake, "store", status=1)
-    fake.trouble = 60
-    assert "refuses BM" in line_said(fake, "start", status=1)
+    fake.laser_fails = True
+    assert "refuses BM: its laser has a fault" in line_said(fake, "start", status=1)
     fake.mute = True
     assert "no answer" in line_said(fake, "info", status=1)
+
+
+def test_a_hokuyo_scanner_that_streams_at_19200_baud_is_stopped(
+    line_said: Said, lines: SimulatedLines
+) -> None:
+    fake = streams_at_19200(lines)
+    assert "laser is off" in line_said(fake, "stop")
+    assert not fake.head.is_lit
+
+
+def configured(folder: Path, robot: str, port: str) -> str:
+    """Shipped settings of a robot, but for its scanner's port."""
+    text = (ROOT / "robots" / f"{robot}.toml").read_text(encoding="utf-8")
+    head, scanner_at = text.split("[scanner]\n")
+    driver, _, rest = scanner_at.split("\n", 2)
+    (folder / "mapod.toml").write_text(f'{head}[scanner]\n{driver}\nport = "{port}"\n{rest}')
+    return str(folder / "mapod.toml")
+
+
+def test_the_settings_driver_tells_what_it_speaks_and_not_their_port(
+    tmp_path: Path, capsys: Capsys, lines: SimulatedLines
+) -> None:
+    fake = FakeUrg04lx(lambda t_s, times_s, bearings_rad: np.full(len(times_s), 2.0), 1, "UTM-30LX")
+    path = configured(tmp_path, "messor", f"tcp://{lines.tcp(fake, '4001')}")
+    assert scanner.main(["info", "--config", path]) == 0
+    assert "speaks SCIP 2.0" in capsys.readouterr().out
+    path = configured(tmp_path, "ragno", f"tcp://{lines.tcp(fake, '4001')}")
+    assert scanner.main(["info", "--config", path]) == 2
+    assert "scanner.driver: must be 'lms111' or 'urg04lx', is 'stripe'" in capsys.readouterr().err
 
 
 def test_a_hokuyo_scanner_that_damages_its_number_still_tells_the_rest(line_said: Said) -> None:

@@ -58,38 +58,32 @@ def test_images_from_a_store_are_late_though_older_ones_came_before() -> None:
     assert np.abs(fed(times, 60.0)[30:]).max() < 0.002
 
 
-def test_a_camera_whose_clock_begins_anew_is_believed() -> None:
-    times = ImageTimes(LATENCY_S)
-    fed(times, 50.0)
-    exposed_s = times.exposed_s(jpeg(60.0, 0.0, ahead_s=0.0))
-    assert isinstance(exposed_s, float)
-    assert abs(exposed_s - 60.0) < 0.001
-
-
-@pytest.mark.parametrize(("back_s", "away_s"), [(0.4, 0.1), (1.0, 0.1), (1200.0, 3600.0)])
-def test_a_clock_that_is_set_back_is_believed_after_two_seconds_and_counted(
+@pytest.mark.parametrize(("back_s", "away_s"), [(CAMERA_S, 10.0), (1200.0, 3600.0), (61.0, 0.1)])
+def test_a_clock_that_begins_anew_is_believed_from_its_second_image_on_and_counted(
     back_s: float, away_s: float
 ) -> None:
     times = ImageTimes(LATENCY_S)
-    fed(times, 50.0, 600)
-    first_s, refused = 70.0 + away_s, 0
-    delays_s = np.random.default_rng(2).exponential(0.01, 150)
-    for k, delay_s in enumerate(delays_s):
-        at_s = first_s + k / 30.0
-        exposed_s = times.exposed_s(jpeg(at_s, float(delay_s), CAMERA_S - back_s))
-        if isinstance(exposed_s, BadFrame):
-            assert refused == k  # none between those that are believed
-            refused += 1
-        else:
-            assert abs(exposed_s - at_s) < (0.06 if k < refused + 30 else 0.003)
-    assert 1.5 < refused / 30.0 < 2.0
+    fed(times, 50.0)
+    at_s = 52.0 + away_s
+    assert isinstance(times.exposed_s(jpeg(at_s, 0.0, CAMERA_S - back_s)), BadFrame)
+    exposed_s = times.exposed_s(jpeg(at_s + 0.1, 0.0, CAMERA_S - back_s))
+    assert isinstance(exposed_s, float)
+    assert abs(exposed_s - at_s - 0.1) < 0.001
     assert times.restarts == 1
+
+
+def test_one_damaged_stamp_is_one_refused_image() -> None:
+    times = ImageTimes(LATENCY_S)
+    fed(times, 50.0)
+    assert isinstance(times.exposed_s(jpeg(53.0, 0.0, 0.0)), BadFrame)
+    assert np.abs(fed(times, 54.0)[30:]).max() < 0.002
+    assert times.restarts == 0
 
 
 @pytest.mark.parametrize(
     ("stored_hz", "sent_hz"),
-    [(30.0, 36.0), (30.0, 300.0), (30.0, 20.0), (15.0, 15.0)],
-    ids=["drained slowly", "drained at once", "filled", "at half the rate"],
+    [(30.0, 36.0), (30.0, 300.0), (30.0, 20.0), (30.0, 30.0), (15.0, 15.0)],
+    ids=["drained slowly", "drained at once", "filled", "never drained", "at half the rate"],
 )
 def test_images_from_a_store_are_late_however_long_that_lasts(
     stored_hz: float, sent_hz: float
@@ -101,12 +95,3 @@ def test_images_from_a_store_are_late_however_long_that_lasts(
         if came_s - exposed_s > 0.5:
             assert isinstance(times.exposed_s(jpeg(exposed_s, came_s - exposed_s)), BadFrame)
     assert times.restarts == 0
-
-
-def test_a_clock_that_goes_back_again_is_believed_again() -> None:
-    times = ImageTimes(LATENCY_S)
-    for k in range(3):
-        for n in range(90):
-            told = times.exposed_s(jpeg(50.0 + 3.0 * k + n / 30.0, 0.0, CAMERA_S - 5.0 * k))
-        assert isinstance(told, float)
-    assert times.restarts == 2

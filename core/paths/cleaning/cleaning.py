@@ -43,6 +43,7 @@ WON_M2 = 0.1  # of floor, seen or clean: less is no progress
 GRAZING_M = 0.1  # from things to the line along which it looks past them
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
 MUCH = 0.1  # of the floor: while more is left, what costs a long way is left for later
+LIVELY = 3  # things that have moved, somebody who comes again is another one: one may be an error
 DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
@@ -65,7 +66,7 @@ class CleaningSettings:
     explained_m: float  # unseen floor so near to a thing or a wall is no reason to look
     sliver_m: float  # what is left unswept and narrower gets no lane
     enough: float  # share of the floor that may be left at the end
-    enough_lively: float  # the same where something has moved
+    enough_lively: float  # the same where things have moved
     rounds: int  # plans for what is left, at most, besides those round what barred the way
     tries: int  # plans in a row that win no floor, until it gives up
 
@@ -101,7 +102,7 @@ class Cleaning:
         self._doubts = dict[int, list[Doubt]]()  # by what is new: of floor below it
         self._rounds = self._tried = self._parted = 0
         self._won_m2 = 0.0
-        self._is_lively = False  # something has moved
+        self._moved = set[int]()  # what was told to move
 
     def see(
         self, view: F64, standing: Iterable[Polygon], passing: Iterable[PassingThing] = ()
@@ -121,7 +122,7 @@ class Cleaning:
         for new in passing:
             mine = self._doubts.get(new.id, [])
             if new.is_moving:
-                self._is_lively = True
+                self._moved.add(new.id)
                 for doubt in mine:
                     self.floor.restore(doubt)
                 continue
@@ -281,7 +282,7 @@ class Cleaning:
         left = target.difference(swept)
         wide = left.buffer(-s.sliver_m / 2).buffer(s.sliver_m / 2)
         is_vain = self._tried >= s.tries // 2  # what is left of its tries is for the way home
-        enough = s.enough_lively if self._is_lively else s.enough
+        enough = s.enough_lively if len(self._moved) >= LIVELY else s.enough
         if is_vain or self._rounds > s.rounds or wide.area <= enough * target.area:
             return None
         done = target.difference(wide)

@@ -208,6 +208,28 @@ def test_the_tool_has_work_where_floor_is_not_clean_and_no_more_behind_it() -> N
     assert machine.cleaning.has_work((0.5, 0.2, 0.0))
 
 
+def box(x0: float, x1: float, y0: float, y1: float) -> np.ndarray:
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+
+
+@pytest.mark.parametrize(
+    ("moved", "goal"), [((), "sweep"), ((1, 1, 2), "sweep"), ((1, 2, 3), "home")]
+)
+def test_where_several_things_have_moved_more_may_be_left(
+    moved: tuple[int, ...], goal: str
+) -> None:
+    cleaning = Cleaning(SETTINGS, (0.0, 0.0, 0.0))
+    cleaning.floor.vouch(box(-2.0, 3.0, -2.0, 2.0))
+    cleaning.clean.add(box(-2.0, 2.0, -2.0, 2.0))
+    cleaning.clean.add(box(-2.0, 3.0, -2.0, 1.0))  # all but a corner
+    for number in moved:
+        who = box(9.0, 9.3, 9.0, 9.3)
+        passing = [PassingThing(number, who, is_moving=True, is_seen=True)]
+        cleaning.see(view((0.0, 0.0, 0.0)), [], passing)
+    wall = Thing(shapely.box(-2.1, -2.1, 3.1, 2.1).exterior.buffer(0.05))
+    assert cleaning.plan((0.0, 0.0, 0.0), [wall], may_look=False).goal == goal
+
+
 def test_where_the_machine_has_no_room_it_waits() -> None:
     machine = Jumper()
     around = [Thing(ROOM.buffer(1.0))]

@@ -31,7 +31,7 @@ class CoverageSettings(Struct, frozen=True, forbid_unknown_fields=True):
     explained_m: Annotated[float, Meta(ge=0, le=2)]  # unseen floor so near to a thing is let be
     sliver_m: Annotated[float, Meta(ge=0, le=1)]  # what is left unswept and narrower gets no lane
     enough: Annotated[float, Meta(ge=0, le=0.5)]  # share of the floor that may be left at the end
-    enough_lively: Annotated[float, Meta(ge=0, le=0.5)]  # the same where something has moved
+    enough_lively: Annotated[float, Meta(ge=0, le=0.5)]  # the same where people are about
     rounds: Annotated[int, Meta(ge=1, le=100)]  # plans for what is left, at most
     tries: Annotated[int, Meta(ge=1, le=1000)]  # plans in a row that win no floor, then it gives up
     wait_s: Annotated[float, Meta(ge=0.5, le=60)]  # barred for so long: a plan anew

@@ -61,7 +61,8 @@ def fault_of_head(head: bytes | bytearray) -> str:
 class BlobParser:
     """Takes a stream cut anywhere; after damage it goes on at the next start that may be one.
 
-    Bytes are moved once for each MOST_SIZE of them that were looked at, whatever comes.
+    In the mean a byte is moved at most twice, whatever comes: what is left goes to the other buffer
+    only when MOST_SIZE bytes have been looked at, and is no more than that.
     """
 
     def __init__(self) -> None:
@@ -118,7 +119,7 @@ class BlobParser:
                 self._resume(events, why)
             else:
                 self._size = int.from_bytes(head[4:8], "big") + 9
-        if self._at + MOST_SIZE > len(self._buffer):
+        if self._at + MOST_SIZE > len(self._buffer):  # the next message may not fit behind it
             self._move()
 
     def _whole(self, events: list[Blob | BadFrame]) -> None:
@@ -131,8 +132,6 @@ class BlobParser:
         xml, binary = data[BASE + FIRST : BASE + second], data[BASE + second : BASE + third]
         events.append(Blob(data, change, xml, binary, self._began_s, self._read_s))
         self._begin_at(at + size)
-        if self._at == self._end:  # as nearly always
-            self._move()
 
     def _resume(self, events: list[Blob | BadFrame], why: str) -> None:
         """Go on at the next start that may be one: what begins with a head without a fault."""
@@ -146,7 +145,6 @@ class BlobParser:
                 return
         self._maybe_tail = bytes(buffer[max(self._at + 1, end - START_BYTES + 1) : end])
         self._begin_at(end)
-        self._move()
 
     def _move(self) -> None:
         """What is not looked at yet to the other buffer: frames that were told stay in this one."""

@@ -43,8 +43,7 @@ WON_M2 = 0.1  # of floor, seen or clean: less is no progress
 GRAZING_M = 0.1  # from things to the line along which it looks past them
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
 MUCH = 0.1  # of the floor: while more is left, what costs a long way is left for later
-LIVELY = 3  # things that have moved, somebody who comes again is another one: one may be an error
-DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
+LIVELY = 3  # moving things, after which people are about: one may be a tracking error
 DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
@@ -66,7 +65,7 @@ class CleaningSettings:
     explained_m: float  # unseen floor so near to a thing or a wall is no reason to look
     sliver_m: float  # what is left unswept and narrower gets no lane
     enough: float  # share of the floor that may be left at the end
-    enough_lively: float  # the same where things have moved
+    enough_lively: float  # the same where people are about: LIVELY
     rounds: int  # plans for what is left, at most, besides those round what barred the way
     tries: int  # plans in a row that win no floor, until it gives up
 

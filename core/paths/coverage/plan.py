@@ -255,19 +255,19 @@ class _Work:
         return self._toured
 
     def _refined(
-        self, refiners: list[Refiner], prices: Sequence[float], begins: bool, ends: bool
+        self, refiners: list[Refiner], prices: Sequence[float], free_begin: bool, free_end: bool
     ) -> tuple[list[Refiner], Raster]:
         """The path made better; at last on a finer raster, that no strips are left along walls.
 
         Args:
-            begins, ends: it may do so anywhere.
+            free_begin, free_end: the path may begin, or end, anywhere.
         """
         for price in prices:
             for refiner in refiners:
                 refiner.tighten(price)
-            if begins:
+            if free_begin:
                 refiners[0].trim(price, is_first=True)
-            if ends:
+            if free_end:
                 refiners[-1].trim(price, is_first=False)
             for area in self._raster.missed(SPECK * self._machine.width_m**2):
                 middle = area.mean(axis=0)

@@ -3,7 +3,7 @@
 import gc
 import os
 import select
-import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -118,13 +118,16 @@ def test_a_gap_between_two_images_is_no_reason_to_begin_anew(tmp_path: Path) -> 
 
 def test_what_fails_to_open_again_and_again_leaves_nothing_behind(tmp_path: Path) -> None:
     port = folder_of(tmp_path, "none.jpg,1\n")
+
+    def has_failed(at_s: float) -> bool:
+        assert not port.poll(at_s)
+        return port._retry_s > at_s
+
     gc.collect()
     gc.disable()  # as in the app
     try:
         for k in range(1, 6):
-            at_s = START_S + 10.0 * k
-            while not port.poll(at_s) and port._retry_s <= at_s:
-                time.sleep(0.001)
+            until(partial(has_failed, START_S + 10.0 * k))
         assert gc.collect() == 0
     finally:
         gc.enable()

@@ -39,7 +39,8 @@ def test_the_segments_of_the_sheets_frame() -> None:
 PARTS = st.lists(st.tuples(st.binary(max_size=30), st.sampled_from([T_MINI, S])), max_size=4)
 
 
-@example([(b"", S), (b"junk" * 15, T_MINI)], [len(S) - 1])  # junk right behind a frame, in one piece
+# Junk right behind a frame, in one piece.
+@example([(b"", S), (b"junk" * 15, T_MINI)], [len(S) - 1])
 @given(PARTS, st.lists(st.integers(0, 9000), max_size=12))
 def test_messages_survive_junk_and_any_cutting(
     parts: list[tuple[bytes, bytes]], cuts: list[int]

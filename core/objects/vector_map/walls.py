@@ -45,7 +45,7 @@ class Wall:
         self.aside, self.placed = np.zeros(0), np.zeros(0)  # off the line, m, by so many segments
         self.first_s = self.seen_s = at_s
         self.frames = 0
-        self._taken: WallRecord | None = None  # as it was known, until a frame says more
+        self._told: WallRecord | None = None  # as it was known or told, until a frame says more
 
     @classmethod
     def known(cls, record: WallRecord, at_s: float, s: ObjectMapSettings) -> "Wall":
@@ -62,7 +62,9 @@ class Wall:
         for opening in record.openings:
             wall.open(opening)
         wall.settle()
-        wall._taken = record
+        wall._told = msgspec.structs.replace(
+            record, first_seen_s=wall.first_s, last_seen_s=wall.seen_s
+        )
         return wall
 
     @property
@@ -104,7 +106,7 @@ class Wall:
         last = math.floor(float(along.max()) / cell - HALF)
         if last < first:  # so short that it holds the middle of no piece: it is of one at least
             first = last = math.floor(float(along.mean()) / cell)
-        self._taken = None
+        self._told = None
         self._reach(first, last)
         mine = slice(first - self.start, last - self.start + 1)
         self._count(np.arange(len(self.share))[mine], 1.0)
@@ -129,7 +131,7 @@ class Wall:
 
     def take(self, other: "Wall") -> None:
         """Go on with what another one has told of its pieces as well."""
-        self._taken = None
+        self._told = None
         places = other.point + other.middles()[:, None] * other.along
         along, aside = self.measured(places + other.aside[:, None] * other.normal)
         pieces = np.floor(along / self._s.wall_cell_m).astype(np.int64)
@@ -163,7 +165,7 @@ class Wall:
             for k in np.flatnonzero(~covered).tolist()
             if sees(sectors, behind[k, 0], behind[k, 1]) and sees(sectors, *points[k].tolist())
         ]
-        self._taken = None if gone else self._taken
+        self._told = None if gone else self._told
         self._count(np.array(gone, dtype=np.int64), 0.0)
         self.placed[self.share <= HALF] = 0.0  # what will stand there may stand elsewhere
 
@@ -183,16 +185,16 @@ class Wall:
         self.frames = round(self._s.memory_frames)
 
     def record(self) -> WallRecord:
-        if self._taken is not None:
-            seen = {"first_seen_s": self.first_s, "last_seen_s": self.seen_s}
-            return msgspec.structs.replace(self._taken, **seen)
-        known = self.weight >= self._s.confirm_frames
-        is_wall = known & (self.share > HALF)
-        runs = self._runs(is_wall)
-        doors = [(a[1], b[0]) for a, b in pairwise(runs) if self._is_open(a[1], b[0])]
-        segments, openings = self._ends(runs), self._ends(doors)
-        sure = float(self.share[is_wall].mean()) if len(runs) else 0.0
-        return WallRecord(self.id, segments, openings, self.first_s, self.seen_s, sure)
+        if self._told is None:
+            known = self.weight >= self._s.confirm_frames
+            is_wall = known & (self.share > HALF)
+            runs = self._runs(is_wall)
+            doors = [(a[1], b[0]) for a, b in pairwise(runs) if self._is_open(a[1], b[0])]
+            segments, openings = self._ends(runs), self._ends(doors)
+            sure = float(self.share[is_wall].mean()) if len(runs) else 0.0
+            times_s = self.first_s, self.seen_s
+            self._told = WallRecord(self.id, segments, openings, *times_s, sure)
+        return self._told
 
     def box(self) -> Box:
         first, last = self.extent()

@@ -42,8 +42,8 @@ STEPS = {  # settings that each takes from the shipped ones
     "CAS": ("cas",),
     FILTER: (),
 }
-ALL = tuple(key for keys in STEPS.values() for key in keys)
-CERTAINTY = {"none": (), **STEPS, "all": ALL, "all, filled": (*ALL, "fill")}
+OWN = tuple(key for keys in STEPS.values() for key in keys)  # of the paper
+CERTAINTY = {"none": (), **STEPS, "its own": OWN, "all": OWN, "all, filled": (*OWN, "fill")}
 FILTERED = (FILTER, "all", "all, filled")
 LENGTHS = ("group_gap_m", "three_scans_m", "cas_height_m")
 SHADED = f"surface, {FILTER}"

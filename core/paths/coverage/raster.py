@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from shapely import Polygon
 
-from core.paths.coverage.raster_kernels import exchange
-from core.paths.coverage.scan import edges_of, spans_at
+from core.paths.coverage.raster_kernels import exchange, fill
+from core.paths.coverage.scan import edges_of
 from core.records import F64
 
 COARSE, FINE = 14, 18  # cells across the band, at least; and at most, on small floors,
@@ -37,17 +37,11 @@ class Raster:
         self.grid = np.array([*self._low, self.cell_m, width_m / 2])
         self.is_target = np.zeros((rows, columns), dtype=bool)
         for polygon in target:
-            self._fill(edges_of(polygon))
+            edges = edges_of(polygon)
+            fill(edges, self.grid, self.is_target, np.empty(len(edges)))
         self.count = np.zeros((rows, columns), dtype=np.int32)
         self.cells = int(self.is_target.sum())
         self.swept = 0
-
-    def _fill(self, edges: F64) -> None:
-        for row in range(len(self.is_target)):
-            y_m = self._low[1] + (row + 0.5) * self.cell_m
-            ends = np.ceil((spans_at(edges, y_m) - self._low[0]) / self.cell_m - 0.5).astype(int)
-            for first, behind in ends:
-                self.is_target[row, first:behind] = True
 
     @property
     def share(self) -> float:

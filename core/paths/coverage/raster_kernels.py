@@ -16,6 +16,35 @@ Bools = npt.NDArray[np.bool_]
 
 
 @kernel
+def fill(edges: F64, grid: F64, is_target: Bools, crossings: F64) -> None:
+    """Set the cells whose centres lie inside of a polygon with such edges, the lower end first.
+
+    crossings: room for one number an edge.
+    """
+    low_x, low_y, cell_m = grid[0], grid[1], grid[2]
+    rows, columns = is_target.shape
+    least, most = math.inf, -math.inf
+    for k in range(len(edges)):
+        least, most = min(least, edges[k, 1]), max(most, edges[k, 3])
+    begin = max(0, math.floor((least - low_y) / cell_m - 0.5))
+    for row in range(begin, min(rows, math.ceil((most - low_y) / cell_m + 0.5))):
+        y, n = low_y + (row + 0.5) * cell_m, 0
+        for k in range(len(edges)):
+            x0, y0, x1, y1 = edges[k]
+            if y0 <= y < y1:
+                x, at = x0 + (x1 - x0) * (y - y0) / (y1 - y0), n
+                while at > 0 and crossings[at - 1] > x:
+                    crossings[at] = crossings[at - 1]
+                    at -= 1
+                crossings[at] = x
+                n += 1
+        for k in range(0, n - 1, 2):
+            first = math.ceil((crossings[k] - low_x) / cell_m - 0.5)
+            behind = math.ceil((crossings[k + 1] - low_x) / cell_m - 0.5)
+            is_target[row, max(0, first) : min(columns, behind)] = True
+
+
+@kernel
 def run_at(
     y: float, ax: float, ay: float, bx: float, by: float, reach: float
 ) -> tuple[float, float]:

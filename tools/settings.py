@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import tempfile
+from codecs import BOM_UTF8
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -39,6 +40,12 @@ def rewritten(text: str, values: Mapping[str, object]) -> str:
     return _replaced(text, {key: json.dumps(value) for key, value in values.items()})
 
 
+def checked(text: str, section: str, values: Mapping[str, str]) -> Config:
+    """The settings with these numbers, or lists of them. Raises ConfigError: out of range."""
+    numbers = {key: json.loads(value, parse_int=float) for key, value in values.items()}
+    return with_changes(load_config(text), **{section: numbers})
+
+
 def with_values(text: str, section: str, values: Mapping[str, str]) -> str:
     """The text with numbers, or lists of them, at some keys of a section replaced, digit for digit.
 
@@ -47,9 +54,7 @@ def with_values(text: str, section: str, values: Mapping[str, str]) -> str:
         ConfigError: a number is out of range.
     """
     changed = _replaced(text, {f"{section}.{key}": value for key, value in values.items()})
-    numbers = {key: json.loads(value, parse_int=float) for key, value in values.items()}
-    wanted = with_changes(load_config(text), **{section: numbers})
-    if load_config(changed) != wanted:
+    if load_config(changed) != checked(text, section, values):
         raise NotThereError(f"[{section}] {', '.join(values)}: not on a line of its own")
     return changed
 
@@ -69,14 +74,21 @@ def _replaced(text: str, literals: Mapping[str, str]) -> str:
 
 
 def rewrite(path: Path, before: str, after: str) -> None:
-    """In one step, keeping the mode. Raises NotThereError (`before` is not there), OSError."""
+    """In one step, keeping the mode, and the mark that some editors put first.
+
+    Raises:
+        NotThereError: `before` is not there.
+        OSError
+    """
     path = path.resolve()  # a link stays a link
-    if path.read_bytes() != before.encode():
+    content = path.read_bytes()
+    mark = BOM_UTF8 if content.startswith(BOM_UTF8) else b""
+    if content != mark + before.encode():
         raise NotThereError(f"{path} has been changed meanwhile: nothing is written")
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(after.encode())
+            file.write(mark + after.encode())
             file.flush()
             os.fsync(file.fileno())
         shutil.copymode(path, name)

@@ -24,7 +24,7 @@ PERSIST, PERSIST_S = 5, 0.5  # so many in a row, over so long
 KEPT = 256  # doubts: half a second, however fast they come
 LEAST_VAR_M2, LEAST_VAR_RAD2 = 1e-6, 1e-6  # nothing is surer than a millimetre, or than 0.06 deg
 ROUNDING = 1e-9  # of a covariance that is on its bound
-MOST_M, MOST_VAR_M2, MOST_VAR_RAD2 = 1e8, 1e6, 10.0
+MOST_M, MOST_VAR_M2, MOST_VAR_RAD2 = 1e8, 1e6, math.pi**2
 
 
 def is_sound(pose: ExternalPose) -> bool:

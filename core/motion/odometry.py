@@ -132,8 +132,9 @@ class Odometry:
             self._waiting.popleft()
 
     def add_external(self, pose: ExternalPose) -> bool:
-        """Take a pose of a positioning system; False if it can't be true, or is no newer one."""
+        """Take a pose of a positioning system; False, and counted, if it can't be true or newer."""
         if not is_sound(pose) or pose.t_s < self._pose_s + LEAST_S:
+            self.positioning.outliers += 1
             return False
         self._pose_s = pose.t_s
         self._poses.append(pose)

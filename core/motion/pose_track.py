@@ -182,8 +182,9 @@ class PoseTrack:
             self.breaks, self.broken_by = self.breaks + 1, why
 
     def add_external(self, pose: ExternalPose) -> bool:
-        """Take a pose; False if it can't be true, or is no newer one."""
+        """Take a pose; False, and counted, if it can't be true, or is no newer one."""
         if not is_sound(pose) or pose.t_s < self._pose_s + LEAST_S:
+            self.outliers += 1
             return False
         self._pose_s = pose.t_s
         self._poses.append(pose)

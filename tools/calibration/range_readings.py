@@ -43,19 +43,21 @@ def targets_in(path: Path) -> list[Target]:
 def _rows(path: Path, table: "csv.DictReader[str]") -> list[tuple[float, float]]:
     if not {TRUE, READ} <= set(table.fieldnames or ()):
         raise ReadingsError(f"{path}: must begin with a line that names {TRUE} and {READ}")
-    return [
-        (_length_m(path, table.line_num, TRUE, row), _length_m(path, table.line_num, READ, row))
-        for row in table
-    ]
+    return [(_length_m(path, table, TRUE, row), _length_m(path, table, READ, row)) for row in table]
 
 
-def _length_m(path: Path, line: int, name: str, row: dict[str, str]) -> float:
+def _length_m(
+    path: Path, table: "csv.DictReader[str]", name: str, row: dict[str | None, str]
+) -> float:
+    where = f"{path}, line {table.line_num}"
+    if None in row:  # such as 1,5 for 1.5, where the comma divides columns
+        raise ReadingsError(f"{where}: has more columns than the first line names")
     try:
         length_m = float(row[name] or "")
     except ValueError:
         length_m = math.nan
     if not 0.0 < length_m <= MOST_M:
         raise ReadingsError(
-            f"{path}, line {line}: {name} must be metres above 0 to {MOST_M:g}, is {row[name]!r}"
+            f"{where}: {name} must be metres above 0 to {MOST_M:g}, is {row[name]!r}"
         )
     return length_m

@@ -79,7 +79,11 @@ def boards_in(path: Path, options: StripeOptions) -> list[Board]:
         raise PicturesError(MISSING)
     found: dict[float, list[Board]] = {}
     with path.open(encoding="utf-8-sig", newline="") as file:
-        for name, true_m in _rows(path, file.read().splitlines()):
+        try:
+            lines = file.read().splitlines()
+        except UnicodeDecodeError as error:
+            raise PicturesError(f"{path}: must be UTF-8 text: {error}") from None
+        for name, true_m in _rows(path, lines):
             image = decoder.image((path.parent / name).read_bytes())
             if isinstance(image, BadFrame):
                 raise PicturesError(f"{name}: {image.reason}")
@@ -100,14 +104,17 @@ def _rows(path: Path, lines: Sequence[str]) -> list[tuple[str, float]]:
         raise PicturesError(f"{path}: line {reader.line_num + 1}: {error}") from None
 
 
-def _row(where: str, row: dict[str, str]) -> tuple[str, float]:
+def _row(where: str, row: dict[str | None, str]) -> tuple[str, float]:
+    if None in row:  # such as 0,5 for 0.5, where the comma divides columns
+        raise PicturesError(f"{where}: has more columns than the first line names")
     name = row[FILE]
     try:
         true_m = float(row[TRUE] or "")
     except ValueError:
         true_m = math.nan
     if not 0.05 <= true_m <= 30.0 or not name:
-        raise PicturesError(f"{where}: needs a file, and {TRUE} from 0.05 to 30")
+        given = f"{name!r} and {row[TRUE]!r}"
+        raise PicturesError(f"{where}: needs a file, and {TRUE} from 0.05 to 30, is {given}")
     if "\0" in name:
         raise PicturesError(f"{where}: no file's name has the character NUL, as {name!r} has")
     return name, true_m
@@ -158,7 +165,7 @@ def fit(boards: Sequence[Board], placed_m: float, near_baseline_m: float) -> Pla
         raise PicturesError(
             f"needs boards at {LEAST_BOARDS} distances or more, the farthest at least "
             f"{LEAST_RATIO:g} times as far as the nearest; given are "
-            f"{', '.join(f'{x:g}' for x in true_m)} m"
+            f"{', '.join(f'{x:g}' for x in true_m) or 'no'} m"
         )
     slopes = np.array([board.slope for board in boards])
     errors = np.array([board.error for board in boards])

@@ -27,8 +27,8 @@ from tools.calibration.camera import (
     rms_with,
     views_in,
 )
-from tools.cli.options import fail, number_in, parser_of
-from tools.settings import NotThereError, rewrite, with_values
+from tools.cli.options import fail, number_in, parser_of, settings_text
+from tools.settings import NotThereError, checked, rewrite, with_values
 
 NAME = "calibrate camera"
 PX_DIGITS, DISTORTION_DIGITS = 3, 6
@@ -77,6 +77,7 @@ def tell(
     for doubt in doubts(found, (w, h)):
         print(f"mapod {NAME}: take care: {doubt}", file=sys.stderr)
     values = values_of(found.lens)
+    checked(text, "scanner", values)
     print("\n[scanner]")
     for key, value in values.items():
         print(f"{key} = {value}")
@@ -114,7 +115,7 @@ def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused, 2 wrong use."""
     options = arguments(given)
     try:
-        text = options.config.read_bytes().decode()
+        text = settings_text(options.config)
         scanner = load_config(text).scanner
         if not isinstance(scanner.options, StripeOptions):
             return fail(NAME, f"scanner.driver: must be 'stripe', is {scanner.driver!r}")
@@ -129,6 +130,6 @@ def main(given: list[str] | None = None) -> int:
         tell(found, now_px, scanner.options, options, text)
     except (BoardsError, NotThereError) as error:
         return fail(NAME, error, 1)
-    except (ConfigError, OSError, UnicodeDecodeError) as error:
+    except (ConfigError, OSError) as error:
         return fail(NAME, error)
     return 0

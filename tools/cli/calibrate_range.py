@@ -37,7 +37,7 @@ from tools.cli.options import (
     settings_text,
     value_of,
 )
-from tools.settings import NotThereError, rewrite, with_values
+from tools.settings import NotThereError, checked, rewrite, with_values
 from tools.terminal.progress import advancing
 
 NAME = "calibrate range"
@@ -144,6 +144,7 @@ def tell(report: Report, options: argparse.Namespace, text: str) -> None:
     for doubt in report.doubts():
         print(f"{NAME}: take care: {doubt}", file=sys.stderr)
     values = report.values()
+    checked(text, "scanner", values)
     print("\n[scanner]")
     for key, value in values.items():
         print(f"{key} = {value}")
@@ -213,7 +214,7 @@ def main(given: list[str] | None = None) -> int:
         readings = options.readings
         targets = targets_in(readings) if readings else measured(config, options)
         tell(Report.of(targets, config, options.placed), options, text)
-    except (ConfigError, PortUrlError, ReadingsError, UnicodeDecodeError, OSError) as error:
+    except (ConfigError, PortUrlError, ReadingsError, OSError) as error:
         return fail(NAME, error)
     except (RefusedError, NoFitError, NotThereError) as error:
         return fail(NAME, error, 1)

@@ -18,7 +18,7 @@ from core.config import ConfigError
 from hw.stripe.options import StripeOptions
 from tools.calibration.stripe import PicturesError, PlaneFit, boards_in, fit
 from tools.cli.options import fail, number_in, parser_of, settings_text
-from tools.settings import NotThereError, rewrite, with_values
+from tools.settings import NotThereError, checked, rewrite, with_values
 
 NAME = "calibrate stripe"
 MUCH = 4.0  # times the contradictions that are expected
@@ -61,6 +61,7 @@ def tell(found: PlaneFit, options: StripeOptions, given: argparse.Namespace, tex
             file=sys.stderr,
         )
     values = values_of(found)
+    checked(text, "scanner", values)
     print("\n[scanner]")
     for key, value in values.items():
         print(f"{key} = {value}")
@@ -89,6 +90,6 @@ def main(given: list[str] | None = None) -> int:
         tell(found, scanner.options, options, text)
     except (PicturesError, NotThereError) as error:
         return fail(NAME, error, 1)
-    except (ConfigError, OSError, UnicodeDecodeError) as error:
+    except (ConfigError, OSError) as error:
         return fail(NAME, error)
     return 0

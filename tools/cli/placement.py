@@ -15,7 +15,15 @@ import numpy as np
 from core.config import ConfigError
 from core.device_settings import Scanner
 from hw.stripe.options import StripeOptions
-from tools.cli.options import a_seed, configured, fail, number_in, parser_of, value_of
+from tools.cli.options import (
+    a_seed,
+    cannot_be_written,
+    configured,
+    fail,
+    number_in,
+    parser_of,
+    whole_in,
+)
 from tools.placement.field import flat
 from tools.placement.measure import Result, fields_of, measured, over
 from tools.placement.search import best_mount
@@ -24,10 +32,6 @@ from tools.placement.sensor import KINDS, NAMED, Sensor
 
 class MountError(Exception):
     """A mount that cannot be judged, in words."""
-
-
-def a_count(text: str) -> int:
-    return value_of(text, int, lambda value: 2 <= value <= 10000, "from 2 to 10000")
 
 
 def of_settings(path: Path) -> Sensor:
@@ -118,7 +122,7 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     add = parser.add_argument
     add("--config", type=Path, help="settings whose scanner is judged")
     add("--sensor", choices=sorted(KINDS), help="only the mounts of this kind")
-    add("--fields", type=a_count, default=200, help="how many stepfields (default: 200)")
+    add("--fields", type=whole_in(2, 10000), default=200, help="how many stepfields (default: 200)")
     add("--seed", type=a_seed, default=1, help="of all chance (default: 1)")
     add("--step", type=number_in(0.0, 0.5), default=0.15, help="highest block, in m (0.15)")
     add("--height", type=number_in(0.1, 5), help="of the lens above the ground, in m")
@@ -136,6 +140,8 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
 def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 no mount sees the strip, 2 wrong use."""
     options = arguments(given)
+    if unwritable := cannot_be_written(("--picture", options.picture, ".png")):
+        return fail("placement", unwritable)
     try:
         sensors = chosen(options)
         for name in ("heights", "tilts"):

@@ -38,9 +38,9 @@ def best_mount(
             mounted = replace(sensor, z_m=float(z), tilt_rad=math.radians(tilt))
             found = over(mounted, fields)
             tried += 1
-            if found.mean[1] >= width_m and (
-                maybe_best is None or found.mean[0] < maybe_best.mean[0]
-            ):
+            if not found.mean[1] >= width_m or math.isnan(found.mean[0]):  # all is out of view
+                continue
+            if maybe_best is None or found.mean[0] < maybe_best.mean[0]:
                 maybe_best = found
         if maybe_best is None:
             break

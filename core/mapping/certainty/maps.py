@@ -27,7 +27,7 @@ from core.mapping.certainty.scans import Look
 from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.rays import BeamGeometry, Sweep
-from core.mapping.terrain import JUDGED, around, terrain_of
+from core.mapping.terrain import JUDGED, OWN, around, terrain_of
 from core.motion.attitude import AttitudeRing
 from core.motion.track import Track
 from core.records import F64, I32, I64, U8, PointSweep, Scan
@@ -277,7 +277,8 @@ class CertaintyMaps:
             near = around(self.grid, at)
             known_m = self._heights_m(np.maximum(near, 0).ravel(), False).reshape(near.shape)
             z_m = np.where(near >= 0, known_m, math.nan)
-            judged = terrain_of(z_m, np.zeros(at.size), self.grid.cell_m)
+            relief_m = z_m[:, OWN] - self.cells.low_m[at]
+            judged = terrain_of(z_m, relief_m, self.grid.cell_m)
             return np.asarray(judged[JUDGED.index(name)], float)
 
         return (self.grid, told) if name in (*HEIGHTS, *JUDGED) else None

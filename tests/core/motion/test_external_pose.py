@@ -164,9 +164,11 @@ def test_a_pose_that_cannot_be_true_is_not_taken_and_a_good_one_once() -> None:
         ("var_xy_m2", 0.02),
         ("var_xy_m2", math.nan),
         ("var_yaw_rad2", math.nan),
+        ("var_yaw_rad2", 3.2**2),
     ):
         assert not is_sound(replace(SOUND, **{field: wrong})), field
         assert not odometry.add_external(replace(SOUND, **{field: wrong}))
+    assert odometry.outliers == 10
     assert odometry.add_external(SOUND)
     assert not odometry.add_external(SOUND)
     assert not odometry.add_external(replace(SOUND, t_s=0.5))

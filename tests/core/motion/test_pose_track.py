@@ -255,10 +255,14 @@ def test_an_older_pose_and_one_that_cant_be_are_refused() -> None:
     newest = walker.pose()
     assert walker.track.add_external(newest)
     assert not walker.track.add_external(newest)
+    assert walker.track.outliers == 1
     walker.k += 10
-    for wrong in ({"z_m": math.inf}, {"var_z_m2": -1.0}, {"roll_rad": 4.0, "pitch_rad": 0.0}):
+    half_a_turn = {"yaw_rad": 0.0, "var_yaw_rad2": 3.2**2}  # no error is larger
+    wrongs = ({"z_m": math.inf}, {"var_z_m2": -1.0}, {"roll_rad": 4.0, "pitch_rad": 0.0})
+    for wrong in (*wrongs, half_a_turn):
         told = {name: getattr(walker.pose(), name) for name in ExternalPose.__struct_fields__}
         assert not walker.track.add_external(ExternalPose(**{**told, **wrong}))
+    assert walker.track.outliers == 5
 
 
 def test_a_map_that_goes_on_begins_where_the_body_stands_in_it() -> None:

@@ -141,6 +141,7 @@ def test_rows_of_one_distance_are_scans_of_one_target(tmp_path: Path) -> None:
         ("true_m,read_m\n-1,1\n", r"line 2: true_m must be .* is '-1'"),
         ("true_m,read_m\n1,nan\n", r"line 2: read_m must be"),
         ("true_m,read_m\n1000,1001\n", r"line 2: true_m must be"),
+        ("true_m,read_m\n1,5,1,513\n", "line 2: has more columns than"),  # commas for points
     ],
 )
 def test_a_table_that_is_none_is_refused_with_the_line(

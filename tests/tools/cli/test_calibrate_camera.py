@@ -89,3 +89,7 @@ def test_what_can_not_be_is_refused(tmp_path: Path, boards: Path, capsys: Capsys
     hokuyo = (ROOT / "robots" / "urg04lx.toml").read_text(encoding="utf-8")
     assert called(tmp_path, boards, text=hokuyo) == 2
     assert "must be 'stripe', is 'urg04lx'" in capsys.readouterr().err
+    settings = tmp_path / "mapod.toml"
+    assert called(tmp_path, boards, text="[loop]\n") == 2
+    assert f"{settings}: loop.rate_hz: missing" in capsys.readouterr().err
+    assert called(tmp_path, empty, text=f"\ufeff{SHIPPED}") == 1  # which has no pictures

@@ -1,5 +1,6 @@
 """`mapod calibrate range`: over the fake in simulated time, from tables, and what it refuses."""
 
+import codecs
 import math
 import os
 import re
@@ -212,6 +213,26 @@ def test_one_wrong_row_is_named_and_little_is_known_of_few(tmp_path: Path, capsy
     one = "true_m,read_m\n1,1.01\n"
     assert calibrate.main(options_of(path, "--readings", readings(tmp_path, one))) == 1
     assert "targets at two distances are the least, 1 given" in capsys.readouterr().err
+
+
+def test_a_correction_that_no_settings_may_have_is_not_told_as_one(
+    tmp_path: Path, capsys: Capsys
+) -> None:
+    path, far = tmp_path / "mapod.toml", "true_m,read_m\n1,5\n2,4\n3,3\n4,2\n5,1\n"
+    assert calibrate.main(options_of(path, "--readings", readings(tmp_path, far))) == 2
+    printed = capsys.readouterr()
+    assert "scanner.correction: must move no range of correction_m by 1 m or more" in printed.err
+    assert "[scanner]" not in printed.out
+
+
+def test_the_mark_that_some_editors_put_first_stays(tmp_path: Path) -> None:
+    path = tmp_path / "mapod.toml"
+    given = options_of(path, "--readings", readings(tmp_path), "--write", text=f"\ufeff{SHIPPED}")
+    assert calibrate.main(given) == 0
+    written = path.read_bytes()
+    assert written.startswith(codecs.BOM_UTF8)
+    assert written.count(codecs.BOM_UTF8) == 1
+    assert b"# ranges calibrated" in written
 
 
 def test_another_driver_and_wrong_use_end_with_one_line(tmp_path: Path, capsys: Capsys) -> None:

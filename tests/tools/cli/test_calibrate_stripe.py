@@ -98,7 +98,16 @@ def test_what_does_not_tell_the_plane_is_refused(tmp_path: Path, capsys: Capsys)
     assert refused(none) == (2, f"mapod calibrate stripe: {none}: no such file or folder\n")
     (tmp_path / "board.csv").write_text("file,true_m\n0.jpg,near\n")
     status, why = refused(tmp_path / "board.csv")
-    assert (status, "line 2: needs a file, and true_m from 0.05 to 30" in why) == (1, True)
+    assert "line 2: needs a file, and true_m from 0.05 to 30, is '0.jpg' and 'near'" in why
+    assert status == 1
+    (tmp_path / "board.csv").write_text("file,true_m\n0.jpg,1,5\n")  # a comma for the point
+    status, why = refused(tmp_path / "board.csv")
+    assert (status, "line 2: has more columns than the first line names" in why) == (1, True)
+    (tmp_path / "board.csv").write_bytes(b"file,true_m\n\xff.jpg,1.5\n")
+    status, why = refused(tmp_path / "board.csv")
+    assert (status, "board.csv: must be UTF-8 text" in why) == (1, True)
+    (tmp_path / "board.csv").write_text("file,true_m\n")
+    assert "; given are no m" in refused(tmp_path / "board.csv")[1]
     for name in ("0.jpg\0", "a" * 200_000):
         (tmp_path / "board.csv").write_text(f'file,true_m\n"{name}",0.4\n')
         status, why = refused(tmp_path / "board.csv")

@@ -108,6 +108,14 @@ def test_a_search_keeps_its_bounds_and_its_strip() -> None:
     assert best_mount(NAMED[0], (0.3, 0.6), (20.0, 60.0), 5.1, fields_of(1, 3, 0.15))[0] is None
 
 
+def test_a_search_goes_on_from_a_mount_that_sees_nothing() -> None:
+    fields = fields_of(1, 2, 0.15)
+    assert np.isnan(over(stripe("one", 1.9, 10.0), fields).mean[0])  # all is out of its reach
+    best, _ = best_mount(stripe("one", 1.0, 45.0), (1.9, 2.4), (10.0, 70.0), 0.0, fields)
+    assert best is not None
+    assert best.mean[0] < 1.0
+
+
 def test_the_settings_mount_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--config", str(ROOT / "robots/urg04lx.toml"), "--fields", "2"]) == 0
     assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["settings", "1.08", "16.0"]
@@ -138,6 +146,8 @@ def test_the_settings_camera_and_laser_are_judged(
         (["--config", "none.toml"], "none.toml"),
         (["--config", "none.toml", "--sensor", "urg"], "not with --config"),
         (["--optimise", "--tilts", "40", "20"], "lower first"),
+        (["--picture", "none/seen.png"], "--picture none/seen.png: must be a file in a folder"),
+        (["--picture", "seen.jpg"], "--picture seen.jpg: must end with .png"),
     ],
 )
 def test_wrong_use_gets_one_line(

@@ -142,6 +142,14 @@ def test_a_walking_robots_small_cells_and_steep_mount(cell_m: float) -> None:
     assert robot.cause(-x_m, 0.0) == UNSEEN
 
 
+def test_heights_that_differ_within_a_cell_are_a_step_of_it() -> None:
+    robot = Standing(settings_of(three_scans=False, min_group=1))
+    for x_m in (8.25, 8.35):  # both meet the row of cells from 8.2 to 8.4 m, where all of it does
+        robot.scan((x_m - MOUNT_X_M) / (AHEAD_M - MOUNT_X_M) * FLOOR_M)
+    rises_m = 0.1 * math.tan(math.radians(7.5))
+    assert robot.layer("step", 8.3, 0.1) == pytest.approx(rises_m, abs=1e-6)
+
+
 def test_what_was_free_is_unknown_once_no_beam_has_met_it_for_long() -> None:
     config = with_changes(settings_of(), obstacle={"free_max_age_s": 1.0})
     robot = Standing(config)

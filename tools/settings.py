@@ -1,5 +1,6 @@
 """Single values of a settings file changed in place; all else stays as it is, to the byte."""
 
+import codecs
 import json
 import os
 import re
@@ -71,12 +72,14 @@ def _replaced(text: str, literals: Mapping[str, str]) -> str:
 def rewrite(path: Path, before: str, after: str) -> None:
     """In one step, keeping the mode. Raises NotThereError (`before` is not there), OSError."""
     path = path.resolve()  # a link stays a link
-    if path.read_bytes() != before.encode():
+    content = path.read_bytes()
+    mark = codecs.BOM_UTF8 if content.startswith(codecs.BOM_UTF8) else b""  # not of `before`
+    if content != mark + before.encode():
         raise NotThereError(f"{path} has been changed meanwhile: nothing is written")
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(after.encode())
+            file.write(mark + after.encode())
             file.flush()
             os.fsync(file.fileno())
         shutil.copymode(path, name)

@@ -27,7 +27,7 @@ from tools.calibration.camera import (
     rms_with,
     views_in,
 )
-from tools.cli.options import fail, number_in, parser_of
+from tools.cli.options import fail, number_in, parser_of, settings_text
 from tools.settings import NotThereError, rewrite, with_values
 
 NAME = "calibrate camera"
@@ -114,7 +114,7 @@ def main(given: list[str] | None = None) -> int:
     """Exit status: 0 done, 1 refused, 2 wrong use."""
     options = arguments(given)
     try:
-        text = options.config.read_bytes().decode()
+        text = settings_text(options.config)
         scanner = load_config(text).scanner
         if not isinstance(scanner.options, StripeOptions):
             return fail(NAME, f"scanner.driver: must be 'stripe', is {scanner.driver!r}")
@@ -129,6 +129,6 @@ def main(given: list[str] | None = None) -> int:
         tell(found, now_px, scanner.options, options, text)
     except (BoardsError, NotThereError) as error:
         return fail(NAME, error, 1)
-    except (ConfigError, OSError, UnicodeDecodeError) as error:
+    except (ConfigError, OSError) as error:
         return fail(NAME, error)
     return 0

@@ -131,7 +131,7 @@ def init(arguments: list[str] | None = None) -> int:
 
 def _merged(older: bytes, shipped: bytes, robot: str | None) -> tuple[bytes, list[str]]:
     """The text, and what is new in it. Raises ConfigError, UnicodeDecodeError."""
-    result = merged(older.decode("utf-8"), shipped.decode("utf-8"))
+    result = merged(older.decode("utf-8-sig"), shipped.decode("utf-8"))
     if robot is not None:
         own, its = load_config(result.text), load_config(shipped.decode("utf-8"))
         for section in DEVICES:

@@ -89,3 +89,5 @@ def test_what_can_not_be_is_refused(tmp_path: Path, boards: Path, capsys: Capsys
     hokuyo = (ROOT / "robots" / "urg04lx.toml").read_text(encoding="utf-8")
     assert called(tmp_path, boards, text=hokuyo) == 2
     assert "must be 'stripe', is 'urg04lx'" in capsys.readouterr().err
+    assert called(tmp_path, boards, text="") == 2
+    assert f"{tmp_path / 'mapod.toml'}: " in capsys.readouterr().err

@@ -100,7 +100,6 @@ def slots_missed(late_s: float, period_s: float) -> int:
 def keep_pace(app: App, wake_up: WakeUp, is_over: Callable[[], bool], notifier: Notifier) -> None:
     """Let the app take its turns until it is over: when one is due, and as bytes arrive.
 
-
     So stamps are true to the instant of reading. Missed slots are counted and never made up.
     """
     period_s, loop = 1.0 / app.config.loop.rate_hz, app.loop
@@ -209,13 +208,9 @@ def serve(
     LOG.info("app_stopped", ticks=app.loop.ticks, slots_missed=app.loop.slots_missed)
 
 
-def options_of(arguments: list[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(prog="main.py", description=__doc__.partition("\n\n")[0])
+def add_map_options(parser: argparse.ArgumentParser) -> None:
+    """Those of files that maps are kept in."""
     add = parser.add_argument
-    add("--config", default="mapod.toml", help="settings (default: mapod.toml)")
-    add("--check", action="store_true", help="check the settings, tell, and end")
-    add("--warm", action="store_true", help="compile the kernels, and end")
-    add("--version", action="version", version=f"mapod {version()}")
     add(
         "--load-map",
         metavar="FILE",
@@ -224,6 +219,16 @@ def options_of(arguments: list[str] | None) -> argparse.Namespace:
     add("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
     add("--load-objects", metavar="FILE", help=LOAD_OBJECTS)
     add("--save-objects", metavar="FILE", help="save the map of objects at the end, as GeoJSON")
+
+
+def options_of(arguments: list[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="main.py", description=__doc__.partition("\n\n")[0])
+    add = parser.add_argument
+    add("--config", default="mapod.toml", help="settings (default: mapod.toml)")
+    add("--check", action="store_true", help="check the settings, tell, and end")
+    add("--warm", action="store_true", help="compile the kernels, and end")
+    add("--version", action="version", version=f"mapod {version()}")
+    add_map_options(parser)
     add("--record", metavar="FILE", help=RECORD)
     add("--unattended", action="store_true", help=UNATTENDED)
     return parser.parse_args(arguments)

@@ -221,9 +221,6 @@ class DepthImages(Device[DepthImage]):
             "frames_passed_over": float(self._newest.passed_over),
         }
 
-    def _measure(self, now_s: float, events: list[Any]) -> list[DepthImage]:
-        return []  # the step does
-
 
 def kinect_on(port: Port, options: KinectOptions) -> DepthImages:
     """A Kinect, whose frames a port gives."""

@@ -11,11 +11,11 @@ import errno
 import os
 import select
 import struct
-from concurrent.futures import Future
 from functools import partial
 from typing import Any
 
 from hw.ports import v4l2
+from hw.ports.opening import Opening
 from hw.ports.parts import DAMAGED, HEAD, Request, part
 from hw.ports.reopening import CHEAP_LAST_S, REASONS, ReopeningPort
 from hw.ports.url import PortUrl
@@ -106,36 +106,25 @@ def _begin(kernel: Kernel, camera: OpenCamera) -> None:
     asked(kernel, fd, v4l2.STREAMON, v4l2.ON_OR_OFF, CAPTURE)
 
 
-def _close_opened(opening: "Future[OpenCamera]") -> None:
-    """What was still being opened when the port was closed."""
-    if opening.exception() is None:
-        opening.result().close()
-
-
 class CameraPort(ReopeningPort):
     """A camera of this machine. What is written to it only opens the stream."""
 
     def __init__(self, url: PortUrl, kernel: Kernel = KERNEL) -> None:
         super().__init__(url.path)
-        self._url, self._kernel, self._worker = url, kernel, Worker()
-        self._opening: Future[OpenCamera] | None = None  # under way
+        self._url, self._worker = url, Worker()
+        self._opening = Opening(self._worker, partial(open_camera, url, kernel))
         self._camera: OpenCamera | None = None  # while open
         self._arrivals: select.epoll | None = None  # as long
         self._request, self._owes_head = Request(), False
 
     def _try_open(self) -> bool:
-        if self._opening is None:
-            if not os.path.exists(self._url.path):
-                self._lose(REASONS[errno.ENODEV].format(where=self._where))
-                self._try_soon(CHEAP_LAST_S)  # looking costs nobody anything
-                return False
-            self._opening = self._worker.submit(partial(open_camera, self._url, self._kernel))
-        if not self._opening.done():
+        if not self._opening.is_under_way and not os.path.exists(self._url.path):
+            self._lose(REASONS[errno.ENODEV].format(where=self._where))
+            self._try_soon(CHEAP_LAST_S)  # looking costs nobody anything
             return False
-        try:
-            self._camera = self._opening.result()
-        finally:  # here, for a local name of it and its error would keep each other for ever
-            self._opening = None
+        self._camera = self._opening.maybe_opened()
+        if self._camera is None:
+            return False
         self._arrivals = select.epoll()
         self._arrivals.register(self._camera.fd, select.EPOLLIN)
         self._request.begin()
@@ -168,9 +157,7 @@ class CameraPort(ReopeningPort):
 
     def close(self) -> None:
         """Let go of it for good, without waiting until it is closed."""
-        opening, self._opening = self._opening, None
-        if opening is not None:
-            self._worker.submit(partial(_close_opened, opening))
+        self._opening.give_up(OpenCamera.close)
         super().close()
         self._worker.finish()
 

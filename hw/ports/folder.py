@@ -14,9 +14,9 @@ import math
 import os
 import select
 import stat
-from concurrent.futures import Future
 from pathlib import Path
 
+from hw.ports.opening import Opening
 from hw.ports.parts import DAMAGED, HEAD, Request, part
 from hw.ports.reopening import ReopeningPort
 from hw.ports.url import PortUrl
@@ -125,7 +125,7 @@ class FolderPort(ReopeningPort):
     def __init__(self, url: PortUrl) -> None:
         super().__init__(url.path)
         self._path, self._worker = Path(url.path), Worker()
-        self._opening: Future[tuple[bytes, Images]] | None = None  # under way
+        self._opening = Opening(self._worker, self._read_all)
         self._images: Images = []
         self._camera = b""
         self._next = 0  # of them
@@ -137,14 +137,10 @@ class FolderPort(ReopeningPort):
         return not self._is_over and super().poll(now_s)
 
     def _try_open(self) -> bool:
-        if self._opening is None:
-            self._opening = self._worker.submit(self._read_all)
-        if not self._opening.done():
+        opened = self._opening.maybe_opened()
+        if opened is None:
             return False
-        try:
-            self._camera, self._images = self._opening.result()
-        finally:  # here, for a local name of it and its error would keep each other for ever
-            self._opening = None
+        self._camera, self._images = opened
         self._next, self._begun_s = 0, math.nan
         self._timer = Timer()
         self._request.begin()

@@ -12,11 +12,11 @@ import signal
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import IO
 
+from hw.ports.opening import Opening
 from hw.ports.reopening import ReopeningPort
 from hw.ports.url import PortUrl
 from hw.runtime.threads import Worker
@@ -92,12 +92,6 @@ def started(url: PortUrl) -> Reader:
     return Reader([players[0], "0", "raw"], {"FAKENECT_PATH": str(dump)})
 
 
-def _close_started(opening: "Future[Reader]") -> None:
-    """What was still being started when the port was closed."""
-    if opening.exception() is None:
-        opening.result().close()
-
-
 class KinectPort(ReopeningPort):
     """A Kinect; or a dump of one, which is played once. What is written to it goes nowhere.
 
@@ -107,7 +101,7 @@ class KinectPort(ReopeningPort):
     def __init__(self, url: PortUrl) -> None:
         super().__init__(f"Kinect {url.number}" if url.kind == "kinect" else url.path)
         self._url, self._worker = url, Worker()
-        self._opening: Future[Reader] | None = None  # under way
+        self._opening = Opening(self._worker, partial(started, url))
         self._reader: Reader | None = None  # while open, or waiting for its first bytes
         self._begun_s, self._first, self._is_over = 0.0, b"", False
 
@@ -116,14 +110,9 @@ class KinectPort(ReopeningPort):
 
     def _try_open(self) -> bool:
         if self._reader is None:
-            if self._opening is None:
-                self._opening = self._worker.submit(partial(started, self._url))
-            if not self._opening.done():
+            self._reader, self._begun_s = self._opening.maybe_opened(), self._now_s
+            if self._reader is None:
                 return False
-            try:
-                self._reader, self._begun_s = self._opening.result(), self._now_s
-            finally:  # here, for a local name of it and its error would keep each other for ever
-                self._opening = None
         try:
             self._first = os.read(self._reader.fd, READ_BYTES)
         except BlockingIOError:
@@ -164,9 +153,7 @@ class KinectPort(ReopeningPort):
 
     def close(self) -> None:
         """Let go of it for good, without waiting until its process has ended."""
-        opening, self._opening = self._opening, None
-        if opening is not None:
-            self._worker.submit(partial(_close_started, opening))
+        self._opening.give_up(Reader.close)
         super().close()
         self._worker.finish()
 

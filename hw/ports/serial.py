@@ -10,12 +10,13 @@ import os
 import select
 import sys
 import termios
-from concurrent.futures import Future, wait
+from concurrent.futures import wait
 from functools import partial
 from typing import Any
 
 from serial.serialposix import Serial
 
+from hw.ports.opening import Opening
 from hw.ports.reopening import READ_SIZE, RETRY_FIRST_S, ReopeningPort
 from hw.ports.url import PortUrl
 from hw.runtime.threads import Worker
@@ -73,12 +74,6 @@ def _stop_draining(fd: int) -> None:
         termios.tcflush(fd, termios.TCOFLUSH)
 
 
-def _close_opened(opening: "Future[Any]") -> None:
-    """What was still being opened when the port was closed."""
-    if opening.exception() is None:
-        _discard(opening.result())
-
-
 class SerialPort(ReopeningPort):
     """A serial line, or a pty. A thread opens and closes it, which may take a while."""
 
@@ -87,7 +82,7 @@ class SerialPort(ReopeningPort):
     def __init__(self, url: PortUrl) -> None:
         super().__init__(url.path)
         self._url, self._worker = url, Worker()
-        self._opening: Future[Any] | None = None  # under way
+        self._opening = Opening[Any](self._worker, lambda: open_line(url, OPEN_LINE))
         self._line: Any = None  # pyserial's, while open
         self._fd, self._gathers = -1, 0
         self._arrivals: select.epoll | None = None  # while open
@@ -134,17 +129,13 @@ class SerialPort(ReopeningPort):
             self._line.baudrate = baud
 
     def _try_open(self) -> bool:
-        if self._opening is None:
+        if not self._opening.is_under_way:
             self._seen, self._look_s = self._path_now(), self._now_s + RETRY_FIRST_S
             if not self._seen:
                 raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
-            self._opening = self._worker.submit(partial(open_line, self._url, OPEN_LINE))
-        if not self._opening.done():
+        self._line = self._opening.maybe_opened()
+        if self._line is None:
             return False
-        try:
-            self._line = self._opening.result()
-        finally:  # here, for a local name of it and its error would keep each other for ever
-            self._opening = None
         self._fd, self._gathers = self._line.fileno(), 0
         self._arrivals = select.epoll()
         self._arrivals.register(self._fd, select.EPOLLIN | select.EPOLLET)
@@ -183,8 +174,7 @@ class SerialPort(ReopeningPort):
             if wait([drained], DRAIN_S).not_done:
                 _stop_draining(self._fd)
                 wait([drained], DRAIN_S)
-        elif self._opening is not None:
-            self._worker.submit(partial(_close_opened, self._opening))
+        self._opening.give_up(_discard)
         if not self._finished:
             self._worker.finish()
         super().close()

@@ -214,6 +214,3 @@ class StripeScanner(Device[PointSweep]):
         if self._share < LEAST_SHARE and self.status.state == "running":
             return "the camera sees no line of the laser: is that on, and its colour right?"
         return ""
-
-    def _measure(self, now_s: float, events: list[Any]) -> list[PointSweep]:
-        return []  # the step does

@@ -14,7 +14,7 @@ from hw.urg04lx.scip import Reply
 OK, DATA, LASER_OFF, SUSPENDED, RESUMED = "00", "99", "10", range(21, 50), "98"
 UNKNOWN = ("0D", "0E")  # commands, as in the mode of time synchronisation
 RATE_KEPT = ("03", "04")  # it has that rate, or none: by USB
-SCIP1_REFUSES, SCIP1_OK = "E", "0"
+SCIP1_REFUSES = "E"
 LEAST_RANGE_MM = 20  # smaller values say why there is no range
 MOST_STEPS = 10_000  # as many as four digits of a request can name
 MOST_TWO_CHARACTERS = 4095  # as far as two characters reach: so far, or farther

@@ -5,7 +5,6 @@ that looks less often sees less, and nothing piles up.
 """
 
 import math
-from typing import Any
 
 from core.records import DepthImage
 from hw.device import BadFrame, Device, DeviceStatus, Port, Session
@@ -131,6 +130,3 @@ class Visionary(Device[DepthImage]):
             tenths = known.told["SysTemperatureCurrentValue"]
             told["temperature_c"] = (tenths - (tenths >> 15 << 16)) / 10
         return told
-
-    def _measure(self, now_s: float, events: list[Any]) -> list[DepthImage]:
-        return []  # the step does

@@ -14,7 +14,7 @@ from tests.support.robot.shipped import FLOOR, shipped
 
 OFFERED = {"port": "tcp://127.0.0.1:5020"}
 READY: dict[str, Any] = {"enable_motors": True, "start_clear_m": 12.0}
-HEALTH, GENERATION, ZONE, MODE, ALLOWED_AHEAD = 21, 20, 38, 65, 72
+HEALTH, ZONE, MODE, ALLOWED_AHEAD = 21, 38, 65, 72
 
 
 class Served(ClosedLoop):

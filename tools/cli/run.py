@@ -12,7 +12,7 @@ from pathlib import Path
 
 from config_file import load_config
 from core.config import ConfigError
-from main import RECORD, UNATTENDED
+from main import RECORD, UNATTENDED, add_map_options
 from main import run as run_app
 from tools.cli.options import ROBOTS, ROOT, SHIPPED_CONFIG, Parser, fail, parser_of
 from tools.settings_merge import DEVICES, merged
@@ -83,13 +83,7 @@ def _with_settings(command: str, about: str, arguments: list[str]) -> int:
 
 def _add_run_options(parser: Parser) -> None:
     parser.add_config()
-    stands = "go on from a saved map; the robot must stand where it stood then"
-    parser.add_argument("--load-map", metavar="FILE", help=stands)
-    parser.add_argument("--save-map", metavar="FILE", help="save the map at the end and on SIGUSR1")
-    objects = "go on from a saved map of objects, or begin with a floor plan (GeoJSON)"
-    parser.add_argument("--load-objects", metavar="FILE", help=objects)
-    of_objects = "save the map of objects at the end, as GeoJSON"
-    parser.add_argument("--save-objects", metavar="FILE", help=of_objects)
+    add_map_options(parser)
 
 
 def _arguments_of(options: argparse.Namespace) -> list[str]:
@@ -137,7 +131,7 @@ def init(arguments: list[str] | None = None) -> int:
 
 def _merged(older: bytes, shipped: bytes, robot: str | None) -> tuple[bytes, list[str]]:
     """The text, and what is new in it. Raises ConfigError, UnicodeDecodeError."""
-    result = merged(older.decode("utf-8"), shipped.decode("utf-8"))
+    result = merged(older.decode("utf-8-sig"), shipped.decode("utf-8"))
     if robot is not None:
         own, its = load_config(result.text), load_config(shipped.decode("utf-8"))
         for section in DEVICES:

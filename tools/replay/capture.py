@@ -19,7 +19,7 @@ PCAP = {  # first bytes: byte order, ticks of a second
     b"\x4d\x3c\xb2\xa1": ("<", 10**9),
     b"\xa1\xb2\x3c\x4d": (">", 10**9),
 }
-SECTION, INTERFACE, OLD_PACKET, SIMPLE_PACKET, PACKET = 0x0A0D0D0A, 1, 2, 3, 6  # of pcapng
+INTERFACE, OLD_PACKET, SIMPLE_PACKET, PACKET = 1, 2, 3, 6  # of pcapng
 BYTE_ORDERS = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
 END_OF_OPTIONS, RESOLUTION, OFFSET = 0, 9, 14
 MARKS = {*PCAP, b"\x0a\x0d\x0d\x0a"}

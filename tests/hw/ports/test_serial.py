@@ -196,7 +196,7 @@ def open_after(port: Port, now_s: float) -> float:
     """How long, in ticks of the loop, until it is open."""
     began_s = now_s
     while not port.poll(now_s):
-        if port._opening is None:  # type: ignore[attr-defined]
+        if not port._opening.is_under_way:  # type: ignore[attr-defined]
             now_s += TICK_S  # what is under way in the thread takes no time here
     return now_s - began_s
 
@@ -247,7 +247,7 @@ def test_an_absent_path_is_looked_at_now_and_then(tmp_path: Path, monkeypatch: P
         monkeypatch.setattr(port, "_path_now", count_look)
         for tick in range(4_000):  # 20 s
             assert not port.poll(START_S + tick * TICK_S)
-            assert port._opening is None
+            assert not port._opening.is_under_way
         assert len(looked) <= 20 / RETRY_FIRST_S + 16  # pauses of 0.2, 0.4, .. 5 s
 
 

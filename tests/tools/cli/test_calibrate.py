@@ -1,5 +1,6 @@
 """`mapod calibrate` against the fakes: in the world, and over ports in real time."""
 
+import codecs
 import doctest
 import math
 import re
@@ -23,6 +24,7 @@ from tools.calibration import collect_floor
 from tools.calibration.collect_floor import RefusedError
 from tools.calibration.mount import Calibration, calibrate
 from tools.cli import calibrate as tool
+from tools.cli.options import settings_text
 
 F64 = npt.NDArray[np.float64]
 SHIPPED = (ROOT / "mapod.toml").read_text(encoding="utf-8")
@@ -205,6 +207,15 @@ def test_a_file_that_changed_meanwhile_is_left_alone(turned: Calibration, tmp_pa
     told(turned, link, "--write")  # is written where it lies
     assert link.is_symlink()
     assert path.read_text() != SHIPPED
+
+
+def test_a_file_that_begins_with_an_editors_mark_is_written_and_keeps_it(tmp_path: Path) -> None:
+    path, mark = tmp_path / "mapod.toml", codecs.BOM_UTF8
+    path.write_bytes(mark + SHIPPED.encode())
+    text = settings_text(path)
+    settings.rewrite(path, text, settings.with_values(text, "scanner", {"mount_z_m": "1.5"}))
+    assert path.read_bytes().startswith(mark + b"#")
+    assert load_config(settings_text(path)).scanner.mount_xyz_m[2] == 1.5
 
 
 def test_a_section_is_found_or_left_alone_and_a_value_must_be_in_range() -> None:

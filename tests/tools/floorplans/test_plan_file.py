@@ -8,8 +8,10 @@ import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
+from core.objects.vector_map.geojson import OF_A_PLAN
 from core.paths.geometry.rings import length_of
 from tests import VECTORS
+from tools.floorplans.geojson import KINDS
 from tools.floorplans.plan_file import load_plan
 from tools.floorplans.records import PlanFileError
 
@@ -188,3 +190,7 @@ def test_no_damage_of_a_file_does_worse_than_an_error(
         assert load_plan(path).free.area > 0
     except PlanFileError as error:
         assert str(error).startswith(str(path))  # noqa: PT017
+
+
+def test_a_map_of_objects_knows_the_same_kinds() -> None:
+    assert {*OF_A_PLAN, "wall"} == {*KINDS}

@@ -100,7 +100,7 @@ def test_long_inputs_are_programs_that_are_run_to_their_end() -> None:
     assert len(made[1]) > 2 * len(made[0])
 
 
-def test_the_fewest_inputs_take_every_step(tmp_path: Path) -> None:
+def test_the_fewest_inputs_take_every_step() -> None:
     right = instruction(modbus.FRAMED, bytes.fromhex("01 03 00 00 00 0a"))
     chosen = corpus.fewest("modbus", [right, right + right[:7], right + right, b""])
     assert chosen[-1] in (right, right + right[:7])

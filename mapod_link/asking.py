@@ -21,6 +21,7 @@ ASK_SCAN, ASK_OBJECTS, ASK_PATH, IN_WINDOW = 1 << 4, 1 << 5, 1 << 6, 1 << 7
 NEED_GEOM, NEED_FULL, STALE, SUSPECT = 1 << 0, 1 << 1, 1 << 2, 1 << 3  # of an ACK's status
 PLANNER_STOPPED, DIGEST_OK, AUTH_FAILED = 1 << 4, 1 << 5, 1 << 6
 LONGEST_HOLD_S, HOLD_UNIT_S = 6.5535, 0.0001
+BEYOND_ALL = 1e12  # metres or radians: no number that a frame tells; NaN is not below it either
 NO_YAW, MOST_YAW, MOST_CORRELATION = -(2**15), 31_416, 10_000
 
 
@@ -46,6 +47,7 @@ class Talk:
     unacked: int = 0  # frames accepted since the newest ACK
     acked_s: float = -math.inf
     asks: int = 0
+    unheard_s: float = math.inf  # since when a question is out, and no frame has come
     hello_due_s: float = -math.inf
     hello_wanted: bool = False
 
@@ -82,7 +84,7 @@ def ack_body(
 
 def drive_body(session: int, nonce: int, v_mps: float, w_radps: float, valid_s: float) -> bytes:
     """Body of a DRIVE frame; ValueError: a speed or a time that it cannot tell."""
-    if not all(map(math.isfinite, (v_mps, w_radps, valid_s))):
+    if not all(abs(number) < BEYOND_ALL for number in (v_mps, w_radps, valid_s)):
         raise ValueError(f"no DRIVE frame tells {v_mps} m/s, {w_radps} rad/s for {valid_s} s")
     v_mmps, w_mradps, valid_ms = round(v_mps * 1000), round(w_radps * 1000), round(valid_s * 1000)
     if max(abs(v_mmps), abs(w_mradps)) > 32_767 or not 0 <= valid_ms <= 1000:
@@ -121,8 +123,8 @@ def external_body(
         ValueError: a number that the frame cannot tell.
     """
     numbers = [x_m, y_m, sigma_x_m, sigma_y_m, sigma_yaw_rad, correlation, age_s]
-    if not all(map(math.isfinite, [*numbers, yaw_rad or 0.0])):
-        raise ValueError("an external pose must have finite numbers")
+    if not all(abs(number) < BEYOND_ALL for number in [*numbers, yaw_rad or 0.0]):
+        raise ValueError("an external pose must have finite numbers, below 1e12")
     yaw = NO_YAW if yaw_rad is None else _turned(round(yaw_rad * 10_000))
     sigmas = [_rounded_up(sigma_x_m * 1000), _rounded_up(sigma_y_m * 1000)]
     sigma_yaw = 0 if yaw_rad is None else _rounded_up(sigma_yaw_rad * 10_000)
@@ -144,8 +146,8 @@ def _upright_body(told: Upright) -> bytes:
     """What the long body has behind the short one."""
     tilt_rad = told.tilt_rad
     numbers = [told.z_m, told.sigma_z_m, told.sigma_tilt_rad, *(tilt_rad or ())]
-    if not all(map(math.isfinite, numbers)):
-        raise ValueError("an external pose must have finite numbers")
+    if not all(abs(number) < BEYOND_ALL for number in numbers):
+        raise ValueError("an external pose must have finite numbers, below 1e12")
     z_mm, sigma_z = round(told.z_m * 1000), _rounded_up(told.sigma_z_m * 1000)
     sigma_tilt = 0 if tilt_rad is None else _rounded_up(told.sigma_tilt_rad * 10_000)
     if not all(1 <= sigma <= 0xFFFF for sigma in (sigma_z, sigma_tilt or int(tilt_rad is None))):

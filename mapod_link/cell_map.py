@@ -39,18 +39,20 @@ class CellMap:
         height, width = self._cells.shape
         return int(self._cells[row, col]) if 0 <= row < height and 0 <= col < width else UNKNOWN
 
-    def move(self, ox: int, oy: int, near: tuple[int, int] = (0, 0)) -> bool:
+    def move(self, ox: int, oy: int, near: tuple[int, int] | None = None) -> bool:
         """Window to the place that a MAP frame tells; True if no cell was kept.
 
         Args:
             ox, oy: modulo 65 536.
-            near: a world cell near which the first origin lies, for the place is told modulo.
+            near: a world cell near which the origin lies, for the place is told modulo; None: it
+                lies near the one before, the first near (0, 0).
         """
         height, width = self._cells.shape
-        old_x, old_y = self.origin or near
-        dx, dy = int16(ox - old_x), int16(oy - old_y)
         known = self.origin is not None
-        self.origin = old_x + dx, old_y + dy
+        old_x, old_y = self.origin or near or (0, 0)
+        dx, dy = int16(ox - old_x), int16(oy - old_y)
+        near_x, near_y = near or (old_x, old_y)
+        self.origin = near_x + int16(ox - near_x), near_y + int16(oy - near_y)
         if not known or abs(dx) >= width or abs(dy) >= height:
             self._cells[:] = UNKNOWN
             return True

@@ -37,7 +37,7 @@ from mapod_link.frames import (
 )
 from mapod_link.scans import ScanPiece, SweepPoints
 from mapod_link.serial_line import Deframer, serial_from_frame
-from mapod_link.tiles import MOST_CELLS, Tile, TilePiece, Tiles
+from mapod_link.tiles import DEAF_S, MOST_CELLS, Tile, TilePiece, Tiles
 from mapod_link.vectors import ObjectsPiece, PathPiece, Vectors
 
 HELLO_PERIOD_S = 0.25
@@ -54,6 +54,9 @@ class Receiver:
         ack_period_s: an ACK at least so often.
         max_cells: of the largest window that it takes.
         poll_only: keep no map; push nothing, for all is asked for.
+
+    Raises:
+        ValueError: not such a nonce, a key or a number of cells.
 
     Attributes:
         geom: newest geometry; None until one has arrived that this receiver can hold.
@@ -74,6 +77,9 @@ class Receiver:
         max_cells: int = MOST_CELLS,
         poll_only: bool = False,
     ) -> None:
+        for name, number in (("nonce", nonce), ("max_cells", max_cells)):
+            if not 0 <= number < 2**32:
+                raise ValueError(f"{name} must be within 0..{2**32 - 1}, is {number}")
         self.nonce, self.poll_only, self.stopped = nonce, poll_only, False
         self.accepted: Counter[int] = Counter()
         self.rejected: Counter[str] = Counter()
@@ -103,7 +109,7 @@ class Receiver:
 
     def cell_at(self, x_m: float, y_m: float) -> int:
         """The cell at a place in the map frame; what lies outside of the window is unknown."""
-        if self.geom is None or self.origin is None:
+        if self.geom is None or self.origin is None or not math.isfinite(x_m + y_m):
             return 0
         i, j = self.geom.cell_of(x_m, y_m)
         return self._map.cell(i - self.origin[0], j - self.origin[1])
@@ -178,7 +184,8 @@ class Receiver:
         if not talk.ack_every:
             return []
         # Nobody is known, or whoever sends does not know us: it may have started again
-        stranger = self.needs.auth_failed or talk.hello_wanted or self.tiles.is_unheard(now_s)
+        unheard = now_s - talk.unheard_s > DEAF_S or self.tiles.is_unheard(now_s)
+        stranger = self.needs.auth_failed or talk.hello_wanted or unheard
         if (self.geom is None or stranger) and now_s >= talk.hello_due_s:
             talk.hello_due_s, talk.hello_wanted = now_s + HELLO_PERIOD_S, False
             hello = asking.hello_body(self.nonce, talk.max_cells, poll=self.poll_only)
@@ -228,7 +235,8 @@ class Receiver:
             layer: "class", "height", "variance", "slope", "cause", "age", "z", "edge",
                 "foothold", "filled", "filled_sigma" or "foothold_sigma".
             i, j: lowest column and row; of the endless grid (as `origin`), or of the window.
-            width, height: cells along map x and y, together at most 160 801; else `ValueError`.
+            width, height: cells along map x and y, at most 32 767 along either and 160 801 in all;
+                else `ValueError`.
         """
         return self.tiles.ask(layer, (i, j), (height, width), in_window)
 
@@ -295,12 +303,14 @@ class Receiver:
     def _send(self, now_s: float, frame_type: int, body: bytes) -> None:
         session = self.geom.session if self.geom else None
         self._talk.outbox.put(now_s, frame_type, body, session, self.nonce)
+        if frame_type == ASK:
+            self._talk.unheard_s = min(self._talk.unheard_s, now_s)
 
     # Section 5: which frames count
 
     def note(self, now_s: float, frame: Frame) -> None:
         """Called with each frame that is taken; to be extended by those who measure."""
-        self._talk.unacked += 1
+        self._talk.unacked, self._talk.unheard_s = self._talk.unacked + 1, math.inf
         if self._talk.unacked >= self._talk.ack_every > 0 and not self.poll_only:
             self.acknowledge(now_s)
         if frame.type == MAP and self.poll_only:  # a sender that has started since pushes again
@@ -385,7 +395,7 @@ class Receiver:
             self.vectors.forget()
 
     def _apply(self, now_s: float, update: MapUpdate) -> None:
-        corner = self.geom.corner_around(self.pose) if self.geom and self.pose else (0, 0)
+        corner = self.geom.corner_around(self.pose) if self.geom and self.pose else None
         if self._map.move(update.ox, update.oy, corner):
             self.numbers.gap = None
         self.numbers.repair(update.repaired)

@@ -35,7 +35,7 @@ NUMBERS = {  # of the other layers: type, scale, not known
     10: ("<u2", 1e-4, 65_535),
     11: ("<u2", 1e-4, 65_535),
 }
-MOST_CELLS = 401 * 401
+MOST_CELLS, MOST_EDGE = 401 * 401, 32_767  # the grid's places are told modulo 65 536
 AT_A_TIME = 4
 RETRY_S = 0.5  # no piece of any tile for so long: something got lost
 DEAF_S = 1.0  # without an answer: it may not know us
@@ -197,8 +197,15 @@ class Tiles:
     ) -> Tile:
         """A tile to be filled; ValueError: no such layer, no cells, or too many."""
         height, width = shape
-        if layer not in LAYERS or min(shape) < 1 or height * width > MOST_CELLS:
-            raise ValueError(f"no tile has {height} x {width} cells of {layer!r}")
+        if layer not in LAYERS:
+            raise ValueError(f"layer must be one of {', '.join(LAYERS)}, is {layer!r}")
+        if not (
+            0 < width <= MOST_EDGE and 0 < height <= MOST_EDGE and height * width <= MOST_CELLS
+        ):
+            raise ValueError(
+                f"a tile must have 1 to {MOST_CELLS} cells, and up to {MOST_EDGE} along an edge, "
+                f"has width {width} and height {height}"
+            )
         tile = Tile(self._next_id, layer, place, shape, in_window)
         self._next_id = self._next_id % 0xFFFF + 1
         self._waiting.append(tile)

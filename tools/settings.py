@@ -1,6 +1,5 @@
 """Single values of a settings file changed in place; all else stays as it is, to the byte."""
 
-import codecs
 import json
 import os
 import re

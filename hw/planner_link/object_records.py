@@ -53,6 +53,8 @@ def maybe_record(told: ObjectReport, most_corners: int) -> bytes | None:
     flags = ENLARGED if told.enlarged else 0
     if len(outline_mm) > most_corners:
         outline_mm, flags = _larger(outline_mm, most_corners), ENLARGED
+        if len(outline_mm) < FEWEST_CORNERS:  # of no area
+            return None
     low, high = np.floor(outline_mm.min(axis=0)), np.ceil(outline_mm.max(axis=0))
     unit_mm = max(1, math.ceil(float((high - low).max()) / 2 / (MOST_OFFSET - 2)))
     middle = np.floor((low + high) / 2)

@@ -61,8 +61,12 @@ class PathPublisher:
         self._sent.clear()
 
     def tell_again(self) -> None:
-        """Nobody knows what the planner holds, or it asks."""
-        self._wanted = dict.fromkeys(range(len(self._pieces)))
+        """Nobody knows what the planner holds, or it asks: pieces that wait already come first.
+
+        So a planner that asks again and again gets to the end of a long path on a slow line.
+        """
+        if len(self._wanted) < len(self._pieces):
+            self._wanted |= dict.fromkeys(range(len(self._pieces)))
 
     def follow(self, path: PathReport) -> None:
         """Take in the path as it is meant now."""
@@ -74,6 +78,7 @@ class PathPublisher:
             self._version, self._most_points = path.version, most
             self._cut(path)
             self._sent.clear()
+            self._wanted.clear()
             self.tell_again()
         ahead = path.ahead
         self._ahead = ahead if ahead is not None and 0 <= ahead <= self._total else NOWHERE

@@ -203,6 +203,7 @@ class PlannerLink:
             case Ask() if not self.peer.take(now_s, answer):
                 self._reject("an ASK that is older than the newest frame, or a repetition")
             case Ask():
+                self._state.geom_due |= self._state.geom_s == -math.inf  # it may know another run
                 self._state.wanted |= answer.wants
                 self._answers.take(answer)
                 self._vectors.take(answer.wants)

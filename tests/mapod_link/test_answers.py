@@ -212,3 +212,18 @@ def test_a_receiver_that_only_asks_says_so_and_acknowledges_nothing() -> None:
     receiver.feed_datagram(1.1, bytes_from_frame(MAP, 2, 2000, map_body()))
     assert [kind for kind, _ in answers(receiver, 1.1)] == [HELLO]  # it has forgotten us
     assert answers(receiver, 1.2) == []
+
+
+def test_one_that_only_asks_says_hello_again_when_no_question_is_answered_for_a_second() -> None:
+    receiver = Receiver(NONCE, poll_only=True)
+    receiver.poll(0.0)
+    receiver.feed_datagram(0.1, vector("geom"))
+    assert receiver.ask(1.0, pose=True)
+    assert [kind for kind, _ in answers(receiver, 1.0)] == [ASK]
+    assert answers(receiver, 1.9) == []
+    assert [kind for kind, _ in answers(receiver, 2.1)] == [HELLO]
+    receiver.feed_datagram(2.2, bytes_from_frame(GEOM, 3, 1200, vector("geom")[8:24]))
+    assert answers(receiver, 2.5) == []
+    receiver.vectors.ask(objects=True)
+    assert [kind for kind, _ in answers(receiver, 3.0)] == [ASK]
+    assert [kind for kind, _ in answers(receiver, 4.1)] == [HELLO]

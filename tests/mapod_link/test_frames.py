@@ -228,7 +228,7 @@ def test_what_is_no_frame_is_refused_with_a_reason(content: bytes, reason: str) 
     "numbers",
     [
         (float("nan"), 0.0, 0.1), (0.0, float("inf"), 0.1), (32.768, 0.0, 0.1),
-        (0.0, -32.768, 0.1), (0.0, 0.0, 1.001), (0.0, 0.0, -0.1),
+        (0.0, -32.768, 0.1), (0.0, 0.0, 1.001), (0.0, 0.0, -0.1), (1e307, 0.0, 0.1),
     ],
 )  # fmt: skip
 def test_a_request_that_no_frame_tells_is_refused(numbers: tuple[float, float, float]) -> None:
@@ -242,6 +242,7 @@ def test_a_request_that_no_frame_tells_is_refused(numbers: tuple[float, float, f
         {"x_m": float("nan")}, {"y_m": 3e6}, {"sigma_x_m": 0.0}, {"sigma_y_m": 66.0},
         {"sigma_yaw_rad": 0.0}, {"correlation": 1.1}, {"age_s": 1.1}, {"yaw_rad": float("inf")},
         {"upright": Upright(math.nan, 0.1)}, {"upright": Upright(3e6, 0.1)},
+        {"x_m": 1e306}, {"yaw_rad": 1e306}, {"upright": Upright(1e306, 0.1)},
         {"upright": Upright(1.0, 0.0)}, {"upright": Upright(1.0, 0.1, (0.0, 0.0), 0.0)},
     ],
 )  # fmt: skip

@@ -175,6 +175,7 @@ def test_a_place_in_the_map_frame_has_a_cell() -> None:
     assert receiver.cell_at((i + 0.5) * 0.05, (j + 0.5) * 0.05) == OBSTACLE
     assert receiver.cell_at((i - 0.5) * 0.05, (j + 0.5) * 0.05) == UNKNOWN
     assert receiver.cell_at(1e6, 0.0) == UNKNOWN
+    assert receiver.cell_at(float("nan"), 0.0) == receiver.cell_at(0.0, float("inf")) == UNKNOWN
     assert Receiver(NONCE).cell_at(0.0, 0.0) == UNKNOWN
 
 
@@ -191,6 +192,22 @@ def test_the_first_origin_lies_near_the_robot_wherever_the_endless_grid_has_wrap
     assert line.planner.origin == (corner, -2)
     line.send(MAP, map_body(ox=corner + 1, oy=-3))
     assert line.planner.origin == (corner + 1, -3)
+
+
+def test_an_origin_that_was_told_before_any_pose_is_mended_by_the_next_frame_behind_one() -> None:
+    line, corner = Line(Receiver(NONCE)), round(1700.0 / 0.05) - 4
+    line.send(GEOM, geom_body())
+    line.send(MAP, map_body(op(2, 1), ox=corner))
+    line.send(POSE, (1_700_000).to_bytes(4, "little") + bytes(20))
+    line.send(MAP, map_body(ox=corner))
+    assert line.planner.origin == (corner, 0)
+    assert line.planner.cell_at(corner * 0.05 + 0.01, 0.01) == OBSTACLE
+
+
+@pytest.mark.parametrize(("nonce", "max_cells"), [(-1, 9), (2**32, 9), (NONCE, 2**32)])
+def test_a_number_that_no_hello_tells_is_refused_at_once(nonce: int, max_cells: int) -> None:
+    with pytest.raises(ValueError, match=r"must be within 0\.\.4294967295, is"):
+        Receiver(nonce, max_cells=max_cells)
 
 
 @given(st.lists(st.binary(max_size=400), max_size=8))

@@ -125,10 +125,20 @@ void board_write(const uint8_t *bytes, uint32_t count)
     written += (count > 0u) ? 1u : 0u;
 }
 uint32_t board_random(void) { return 4711u; }
-void board_move(enum mapod_advice advice, uint8_t in_front)
+void board_obstacle(int32_t x_mm, int32_t y_mm)
 {
-    (void)printf("%%d %%u %%02x\\n", (int)advice, in_front, seen[0]);
+    (void)printf("%%d,%%d ", (int)x_mm, (int)y_mm);
 }
+void board_move(enum mapod_advice advice)
+{
+    (void)printf("%%d %%02x\\n", (int)advice, seen[0]);
+}
+#ifdef MAPOD_LINK_OBJECTS
+void board_object(const struct mapod_object *object, bool all_known)
+{
+    (void)printf("object %%u %%d ", (unsigned)object->id, (int)all_known);
+}
+#endif
 int main(void)
 {
     planner_start();
@@ -137,12 +147,24 @@ int main(void)
 }
 """
 
+OBSTACLES = " ".join(f"{x},{y}" for y in (500, 550) for x in (-500, -450, -400))
 
-def test_the_example_runs_as_it_is_printed(tmp_path: Path) -> None:
-    line = b"".join(vector(f"{name}_serial") for name in ("geom", "pose", "map"))
+
+@pytest.mark.parametrize(
+    ("names", "settings", "told"),
+    [
+        (("geom", "pose", "map"), (), f"{OBSTACLES} 2 18"),  # go
+        (("geom", "pose", "map", "objects"), SETTINGS["with objects"],
+         f"{OBSTACLES} object 258 0 object 3 0 1 18"),  # slow: frames are missing
+    ],
+)  # fmt: skip
+def test_the_example_runs_as_it_is_printed(
+    names: tuple[str, ...], settings: tuple[str, ...], told: str, tmp_path: Path
+) -> None:
+    line = b"".join(vector(f"{name}_serial") for name in names)
     board = tmp_path / "board.c"
     board.write_text(BOARD % ", ".join(map(str, line)))
     sources = (str(board), str(MCU / "example.c"))
-    program = compile_c("gcc", tmp_path / "example", *STRICT, *sources)
+    program = compile_c("gcc", tmp_path / "example", *STRICT, *settings, *sources)
     done = subprocess.run([str(program)], capture_output=True, text=True, check=True)
-    assert done.stdout == "2 0 18\n", "go, unknown in front, an ACK was sent"
+    assert done.stdout == f"{told}\n", "obstacles from the robot, advice, an ACK was sent"

@@ -244,3 +244,15 @@ def test_who_is_to_push_nothing_calls_out_on_datagrams_until_somebody_asks() -> 
     serial.planner.greet()
     serial.settle(1.0)
     assert 1 <= serial.planner.accepted[GEOM] <= 3
+
+
+def test_who_asks_a_run_that_has_told_no_geometry_yet_gets_one_with_the_answer() -> None:
+    sky, planner = Sky(11, 3), FakePlanner(poll_only=True)
+    before = Line(sky, push=False, planner=planner)
+    before.settle(0.2)
+    after = Line(sky, push=False, planner=planner, session=78)
+    after.now_s = before.now_s
+    planner.ask(after.now_s, pose=True)
+    after.settle(0.1)
+    assert planner.geom is not None
+    assert planner.geom.session == 78

@@ -318,3 +318,11 @@ def test_what_no_record_tells_is_none(wrong: dict[str, object]) -> None:
     right = object_of(1, round_outline(4, 0.0, 0.0, 1.0), OBJECT_STATIC)
     assert maybe_record(right, 64) is not None
     assert maybe_record(replace(right, **wrong), 64) is None
+
+
+@pytest.mark.parametrize("step_m", [0.0, 0.1])
+def test_an_outline_without_any_area_that_would_have_to_be_told_as_a_larger_one_is_none(
+    step_m: float,
+) -> None:
+    flat = np.stack([step_m * np.arange(5), np.zeros(5)], axis=1)
+    assert maybe_record(object_of(1, flat), 4) is None

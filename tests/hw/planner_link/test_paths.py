@@ -123,6 +123,13 @@ def test_who_only_asks_gets_the_path_for_each_question_and_nothing_else() -> Non
         assert line.planner.accepted[PATH] == 0
 
 
+def test_a_long_path_comes_whole_over_a_slow_line_although_it_is_asked_for_again() -> None:
+    world = planned(500, 500, 500, 500)
+    line = line_of(world, baud=115_200, rate_hz=25)
+    line.settle(8.0)
+    assert holds_path(line, world)
+
+
 def test_a_piece_that_is_missing_is_asked_for() -> None:
     world = planned(600)
     line = line_of(world, baud=115_200)

@@ -102,7 +102,9 @@ def our_steps(steps: FrameSteps, image: DepthImage, pose: CameraPose) -> list[St
     found = cluster()
 
     def seen() -> F64:
-        view.reaches(room.fan, room.down_rad / lens_m, KINECT.low_m, room.near, room.far)
+        view.reaches(
+            room.fan, (room.across_rad, room.down_rad), lens_m, KINECT.low_m, room.near, room.far
+        )
         return view.view_of(room.near, room.far, room.fan)
 
     return [

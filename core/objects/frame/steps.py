@@ -214,7 +214,8 @@ class FrameSteps:
         for pit in self._clusters(room, (last, -1, pits), count, noise):
             found.append(pit._replace(bottom_m=deep_m, top_m=0.0, is_cut=False))
         found += [one._replace(is_cut=False) for one in self._low(room, noise)]
-        view.reaches(room.fan, room.down_rad / lens_m, settings.low_m, room.near, room.far)
+        pitches_rad = room.across_rad, room.down_rad
+        view.reaches(room.fan, pitches_rad, lens_m, settings.low_m, room.near, room.far)
         turn = _turn(level.yaw_rad)
         middle = level.lens[:2]
         objects = FrameObjects(

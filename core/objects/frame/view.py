@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from core.objects.frame.floor import Nine
-from core.objects.frame.pixels import Fan, Points, fan_cell
+from core.objects.frame.pixels import FAN_COLUMNS, Fan, Points, fan_cell
 from core.objects.frame.voxels import Voxels
 from core.objects.records import Floats
 from core.records import F32, F64
@@ -31,10 +31,24 @@ ALIKE = 0.6  # part of a sigma that a whole patch of floor may have in common
 
 
 @kernel
-def _reach(row: int, fan: Fan, pitch_over_h: float, low_m: float) -> tuple[float, float]:
+def _sparse_m(row: int, fan: Fan, across_rad: float, lens_m: float) -> float:
+    """Up to where along x counted pixels of a row lie farther apart than a bearing is wide.
+
+    Right below a lens a bearing narrows to a point, pixels do not.
+    """
+    t, apart = (row + 0.5) * fan.width - fan.half, FAN_COLUMNS * across_rad
+    left = fan.width * fan.width - (1.0 + t * t) ** 2 * apart * apart
+    return apart * lens_m * math.sqrt((1.0 + t * t) / left) if left > 0.0 else 0.0
+
+
+@kernel
+def _reach(
+    row: int, fan: Fan, pitch_over_h: float, low_m: float, sparse_m: float
+) -> tuple[float, float]:
     """From where to where along x a bearing's floor is seen.
 
-    Where it is not: from the first thing, or NOWHERE, to 0.
+    Where it is not: from the first thing, or NOWHERE, to 0. A gap nearer than `sparse_m` may be
+    one of pixels alone: the view begins behind it.
     """
     near, far, bad, empty, stop, rows = 0.0, 0.0, 0, 0.0, NOWHERE, GAP_ROWS
     for k in range(fan.steps):
@@ -48,7 +62,9 @@ def _reach(row: int, fan: Fan, pitch_over_h: float, low_m: float) -> tuple[float
         if floor == 0 and missing == 0:
             empty += fan.step_m
             if far > 0.0 and empty > max(fan.step_m, rows * x * x * pitch_over_h):
-                break
+                if x >= sparse_m:
+                    break
+                far = 0.0
         elif floor < SHOWN * (floor + missing):
             bad += 1
             if bad > 1 and far > 0.0:
@@ -94,10 +110,18 @@ def rise_to_rim(units: F32, R: Nine, fan: Fan, rim: F64) -> None:
 
 
 @releasing_kernel
-def reaches(fan: Fan, pitch_over_h: float, low_m: float, near: F64, far: F64) -> None:
-    """Where each bearing is seen, along x: (bearings,) m each; 0 and 0 as in `_reach`."""
+def reaches(
+    fan: Fan, pitches_rad: tuple[float, float], lens_m: float, low_m: float, near: F64, far: F64
+) -> None:
+    """Where each bearing is seen, along x: (bearings,) m each; 0 and 0 as in `_reach`.
+
+    Args:
+        pitches_rad: from a pixel to the next one, across and down.
+    """
+    across_rad, down_rad = pitches_rad
     for row in range(near.size):
-        near[row], far[row] = _reach(row, fan, pitch_over_h, low_m)
+        sparse_m = _sparse_m(row, fan, across_rad, lens_m)
+        near[row], far[row] = _reach(row, fan, down_rad / lens_m, low_m, sparse_m)
 
 
 @kernel

@@ -9,6 +9,7 @@ next. Kinds of a floor plan are those of docs/coverage.md.
 """
 
 import hashlib
+import math
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -29,6 +30,7 @@ MOST_FEATURES = 200_000
 MOST_CORNERS = 10_000  # of one feature
 MOST_ID = 2**53  # whole numbers of a JSON reader end there
 REACH_M = 10_000.0  # from the middle of the map frame, in x and in y
+OFF_LINE_M = 0.01  # from its line may lie what is of a wall: it is written to the millimetre
 SMALL_M = 1.0  # a closed line of a plan that is nowhere longer is a thing: a pillar
 PLANNED = 0.6  # confidence in what a plan shows and nobody has seen yet
 OF_A_PLAN = "floor", "obstacle", "room", "start", "dock"  # kinds of who draws the floor, too
@@ -307,8 +309,28 @@ def _wall(feature: _Feature, properties: dict[str, Any], where: str) -> WallReco
         raise GeoJsonError(f"{where}.geometry: must be a MultiLineString, for it is a wall")
     rows = [_segments(line, f"{where}.geometry") for line in feature.geometry.coordinates]
     openings = np.array(about.openings, dtype=np.float64).reshape(-1, 4)
-    seen = about.first_seen_s, about.last_seen_s
-    return WallRecord(about.id, np.vstack(rows), openings, *seen)
+    segments, seen = np.vstack(rows), (about.first_seen_s, about.last_seen_s)
+    _check_wall(segments, openings, where)
+    return WallRecord(about.id, segments, openings, *seen)
+
+
+def _check_wall(segments: Floats, openings: Floats, where: str) -> None:
+    """Raises GeoJsonError where not all of a wall lies on one line, or it opens beyond its ends."""
+    start, ends = segments[0, :2], segments.reshape(-1, 2)
+    far = ends[np.hypot(*(ends - start).T).argmax()]
+    along = (far - start) / math.dist(start, far)
+    first, last = (ends - start).dot(along).min(), (ends - start).dot(along).max()
+    for name, points in (("geometry", ends), ("properties.openings", openings.reshape(-1, 2))):
+        off = points - start
+        aside_m = np.abs(off @ np.array([-along[1], along[0]])).max(initial=0.0)
+        if aside_m > OFF_LINE_M:
+            raise GeoJsonError(
+                f"{where}.{name}: a wall is one line; a point lies {aside_m:.3f} m off it,"
+                f" at most {OFF_LINE_M} m are allowed"
+            )
+        at_m = off @ along
+        if ((at_m < first - OFF_LINE_M) | (at_m > last + OFF_LINE_M)).any():
+            raise GeoJsonError(f"{where}.{name}: must lie between the wall's ends")
 
 
 def _polygon(rings: list[list[list[float]]], where: str) -> Floats:

@@ -57,10 +57,14 @@ def rotation(roll: float, pitch: float, yaw: float) -> F64:
     return np.asarray(Rz @ Ry @ Rx)
 
 
-def camera(offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> DepthCamera:
-    row, column = np.mgrid[: SIZE[0], : SIZE[1]]
-    left, up = (SIZE[1] / 2 - 0.5 - column) / FOCAL_PX, (SIZE[0] / 2 - 0.5 - row) / FOCAL_PX
-    rays = np.stack([np.ones(SIZE), left, up], axis=-1) / PER_M
+def camera(
+    offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    size: tuple[int, int] = SIZE,
+    focal_px: float = FOCAL_PX,
+) -> DepthCamera:
+    row, column = np.mgrid[: size[0], : size[1]]
+    left, up = (size[1] / 2 - 0.5 - column) / focal_px, (size[0] / 2 - 0.5 - row) / focal_px
+    rays = np.stack([np.ones(size), left, up], axis=-1) / PER_M
     return DepthCamera(rays.astype(np.float32), offset_m)
 
 
@@ -126,5 +130,5 @@ def image(
     numbers = met(scene, start, rays)
     numbers += random.normal(0.0, noise_m, len(rays)) / np.linalg.norm(rays, axis=1)
     numbers[~(numbers < 65535.0) | (random.random(len(rays)) < lost)] = 0.0
-    whole = np.round(np.maximum(numbers, 0.0)).astype(np.uint16).reshape(SIZE)
+    whole = np.round(np.maximum(numbers, 0.0)).astype(np.uint16).reshape(of.rays.shape[:2])
     return DepthImage(1.5, whole, of, 7, 1.6)

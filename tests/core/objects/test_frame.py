@@ -191,6 +191,35 @@ def test_a_mat_over_most_of_the_view_does_not_become_the_floor() -> None:
     assert max(shapely.Polygon(one.polygon).area for one in result.objects.detections) > 3.0
 
 
+COARSE = camera(size=(106, 128), focal_px=91.0)  # 70 degrees, as `robots/cleaner.toml` halves it
+
+
+@pytest.mark.parametrize("pitch_deg", [45.0, 55.0])
+def test_a_coarse_image_from_steeply_above_shows_the_floor_at_all_bearings(
+    pitch_deg: float,
+) -> None:
+    """Right below the lens bearings are narrower than pixels: half of them were lost for good."""
+    at, settings = placed(1.1, pitch_deg), msgspec.structs.replace(SETTINGS, max_range_m=3.6)
+    frame = image(Scene(), at, COARSE, noise_m=0.0005)
+    told = FrameSteps(settings).find(frame, pose(at), NO_WALLS).objects
+    rays = COARSE.rays.reshape(-1, 3).astype(np.float64) @ at[:3, :3].T
+    far = met(Scene(), at[:3, 3], rays)
+    ends = (at[:3, 3] + far[:, None] * rays)[far * np.linalg.norm(rays, axis=1) < 3.6]
+    true = shapely.MultiPoint(ends[:, :2]).convex_hull
+    assert shapely.Polygon(told.view).intersection(true).area > 0.85 * true.area
+
+
+@pytest.mark.parametrize("off_m", [-0.02, 0.0, 0.02])
+def test_a_platform_behind_a_strip_of_floor_is_not_the_floor(off_m: float) -> None:
+    at, known = placed(1.1, 55.0), pose(placed(1.1 + off_m, 55.0), 0.04)
+    platform = Box(3.6, 0.0, 6.0, 12.0, 0.0, 0.08)
+    result = FrameSteps(SETTINGS).find(image(Scene((platform,)), at, COARSE), known, NO_WALLS)
+    top = shapely.Polygon(platform.corners).buffer(-0.03)
+    assert result.floor is not None
+    assert result.floor.height_m == pytest.approx(1.1, abs=0.005)
+    assert shapely.Polygon(result.objects.view).intersection(top).area < 0.01
+
+
 def test_where_floor_is_missing_the_frame_says_so_and_sees_nothing_beyond_the_edge() -> None:
     hole = Box(2.5, 0.0, 1.6, 3.0, -0.4, 0.0)
     told = found(Scene(holes=(hole,))).objects

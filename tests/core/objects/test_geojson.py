@@ -189,6 +189,32 @@ def test_what_is_no_map_is_refused_with_the_place_of_the_fault(value: Any, messa
         map_from_geojson(json.dumps(value), SETTINGS)
 
 
+BENT = [[[3, -2], [3, 0]], [[3, 1], [4, 2]]]
+BESIDE = [3.5, 0.5, 3.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("lines", "opening", "message"),
+    [
+        (BENT, None, r"geometry: a wall is one line; a point lies [\d.]+ m off it"),
+        (None, BESIDE, r"openings: a wall is one line; a point lies 0\.[45]\d* m off it"),
+        (None, [], "openings: must lie between the wall's ends"),
+    ],
+)
+def test_a_wall_that_is_no_line_is_refused(lines: Any, opening: Any, message: str) -> None:
+    """The map could not go on from it: it raised, or had a wall of 10^5 pieces."""
+    value = json.loads(text_of(seen_map()))
+    [wall] = [one for one in value["features"] if one["properties"]["kind"] == "wall"]
+    if lines is not None:
+        wall["geometry"]["coordinates"] = lines
+    if opening is not None:
+        a, *_, b = np.vstack(wall["geometry"]["coordinates"])
+        beyond = np.concatenate([2.0 * b - a, 3.0 * b - 2.0 * a]).tolist()
+        wall["properties"]["openings"] = [opening or beyond]
+    with pytest.raises(GeoJsonError, match=message):
+        map_from_geojson(json.dumps(value), SETTINGS)
+
+
 def test_an_id_that_comes_twice_is_refused() -> None:
     value = changed()
     value["features"] *= 2

@@ -29,6 +29,7 @@ COMMANDS = {  # file, function in it if it is not `main`, and what it does
     "attitude": ("attitude", "talk to the attitude sensor"),
     "drive": ("drive", "read the motor controller; drive by keyboard"),
     "calibrate": ("calibrate", "how the scanner sits, from flat floor; how its ranges are off"),
+    "rail": ("rail", "tell mapod by hand where a cart on a rail stands"),
     "placement": ("placement", "where to mount a sensor that looks down"),
     "plan": ("plan", "sweep a floor plan, or get from A to B on it"),
     "compare": ("compare", "a real device and its fake, asked the same"),

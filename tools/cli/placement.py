@@ -25,7 +25,7 @@ from tools.cli.options import (
     whole_in,
 )
 from tools.placement.field import flat
-from tools.placement.measure import Result, fields_of, measured, over
+from tools.placement.measure import XS, Result, fields_of, measured, over
 from tools.placement.search import best_mount
 from tools.placement.sensor import KINDS, NAMED, Sensor
 
@@ -103,9 +103,12 @@ def chosen(options: argparse.Namespace) -> list[Sensor]:
 
 def line(found: Result) -> str:
     sensor, m, e = found.sensor, found.mean, found.within
+    mount = f"{sensor.name:<13}{sensor.z_m:>8.2f}{math.degrees(sensor.tilt_rad):>7.1f}"
+    if np.isnan(m[2:]).any():
+        ahead_m = f"it looks {sensor.look_ahead_m:.2f} m ahead"
+        return f"{mount}   sees nothing of a field {XS[0]:.1f} to {XS[-1]:.1f} m ahead: {ahead_m}"
     return (
-        f"{sensor.name:<13}{sensor.z_m:>8.2f}{math.degrees(sensor.tilt_rad):>7.1f}"
-        f"{100 * m[0]:>8.1f} +- {100 * e[0]:<5.2f}{m[1]:>6.2f} +- {e[1]:<6.3f}"
+        f"{mount}{100 * m[0]:>8.1f} +- {100 * e[0]:<5.2f}{m[1]:>6.2f} +- {e[1]:<6.3f}"
         f"{measured(sensor, flat())[1]:>6.2f}{sensor.look_ahead_m:>8.2f}"
         f"{1000 * m[2]:>7.2f} +- {1000 * e[2]:<5.3f}{1000 * m[3]:>6.2f} +- {1000 * e[3]:<5.3f}"
     )

@@ -1,11 +1,10 @@
-"""Lines and detours for areas that a path leaves out. Areas are (n, 2) centres of raster cells."""
+"""Lines for areas that a path leaves out. Areas are (n, 2) centres of raster cells."""
 
 import numpy as np
 import shapely
 from shapely import Polygon
 
 from core.paths.geometry.rings import Walls
-from core.paths.geometry.visibility import VisibilityGraph
 from core.records import F64
 
 
@@ -59,43 +58,3 @@ def stations(area: F64, space: Polygon, width_m: float) -> F64:
     wanted = np.linspace(low, high, count)
     slices = [area[np.abs(along - at) <= max(width_m / 4, 1e-9)] for at in wanted]
     return nearest_in(space, np.array([s.mean(axis=0) for s in slices if len(s)]))
-
-
-def detours(
-    path: F64, stops: F64, graph: VisibilityGraph, reach_m: float, tries: int
-) -> tuple[float, int, F64] | None:
-    """The cheapest way from a path (n, 2) over stops (m, 2) and back to it, of the likely ones.
-
-    Returns: metres more, the corner behind which it leaves, its points with those of leaving and
-    coming back; None: none of those tried lies inside.
-    """
-    a, way = path[:-1], np.diff(path, axis=0)
-    length = np.hypot(*way.T)
-    unit = way / np.maximum(length, 1e-12)[:, None]
-    found: list[tuple[float, int, F64]] = []
-    inner = float(np.hypot(*np.diff(stops, axis=0).T).sum())
-    for row in (stops, stops[::-1]):
-        at_m = np.clip(((row[0] - a) * unit).sum(axis=1), 0.0, length)
-        for shift_from, shift_to in ((0.0, 0.0), (0.0, reach_m), (-reach_m, 0.0)):
-            leave = np.clip(at_m + shift_from, 0.0, length)
-            back = np.clip(at_m + shift_to, 0.0, length)
-            p, q = a + leave[:, None] * unit, a + back[:, None] * unit
-            cost = np.hypot(*(row[0] - p).T) + np.hypot(*(q - row[-1]).T) - (back - leave)
-            for k in np.argsort(cost)[:tries]:
-                found.append((float(cost[k]) + inner, int(k), np.vstack([p[k], row, q[k]])))
-    found.sort(key=lambda each: each[0])
-    for cost_m, edge, points in found:
-        if graph.sees(points[:-1], points[1:]).all():
-            return cost_m, edge, points
-    return _round_corners(path, stops, graph)
-
-
-def _round_corners(path: F64, stops: F64, graph: VisibilityGraph) -> tuple[float, int, F64] | None:
-    """From the nearest corner of the path and back to it, by shortest ways."""
-    k = int(np.argmin(np.hypot(*(path[:-1] - stops[0]).T)))
-    legs = [graph.way(a, b) for a, b in zip([path[k], *stops], [*stops, path[k]], strict=True)]
-    found = [leg for leg in legs if leg is not None]
-    if len(found) < len(legs):
-        return None
-    points = np.vstack([found[0], *(leg[1:] for leg in found[1:])])
-    return float(np.hypot(*np.diff(points, axis=0).T).sum()), k, points

@@ -46,7 +46,7 @@ def test_a_cart_is_mapped_where_it_stands_and_not_while_it_is_pushed() -> None:
     hops = [leg for _ in range(PUSHES) for leg in (stand(REST_S), straight(STEP_M, PUSH_MPS))]
     world = KinematicWorld("corridor", Way(*hops, stand(10.0)))
     loop = ClosedLoop(CART, world)
-    loop.positioning = Typist(world)
+    loop.positioning = Typist(world)  # type: ignore[assignment]
     mapper, off_m, mapped = loop.app.mapper, list[float](), 0
 
     def look() -> None:

@@ -116,6 +116,14 @@ def test_a_search_goes_on_from_a_mount_that_sees_nothing() -> None:
     assert best.mean[0] < 1.0
 
 
+def test_a_mount_that_sees_nothing_is_told_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--sensor", "stripe", "--height", "5", "--tilt", "10", "--fields", "2"]
+    assert main(given) == 0
+    told = capsys.readouterr().out
+    assert "sees nothing of a field 0.0 to 3.0 m ahead" in told
+    assert "nan" not in told
+
+
 def test_the_settings_mount_is_judged(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--config", str(ROOT / "robots/urg04lx.toml"), "--fields", "2"]) == 0
     assert capsys.readouterr().out.splitlines()[1].split()[:3] == ["settings", "1.08", "16.0"]

@@ -28,7 +28,7 @@ from hw.registry import (
     Scanner,
     Surroundings,
 )
-from hw.runtime.wakeup import Beside, Nothing
+from hw.runtime.wakeup import EventSource, NoEvents
 
 if TYPE_CHECKING:
     from beside import Work
@@ -296,10 +296,10 @@ def maybe_image(
     )
 
 
-def modbus_servers(config: Config, image: "RegisterImage | None") -> Beside:
+def modbus_servers(config: Config, image: "RegisterImage | None") -> EventSource:
     """A server, not started yet, for each port of [modbus], by what the log calls it."""
     if image is None:
-        return Nothing()
+        return NoEvents()
     from hw.modbus.server import ModbusServer  # asyncio is for who wants to be served
     from hw.runtime.servers import Servers
 

@@ -14,7 +14,7 @@ from typing import Protocol
 from hw.device import DeviceStatus, Port
 
 
-class Beside(Protocol):
+class EventSource(Protocol):
     """What else is waited for, and runs between two turns: servers."""
 
     @property
@@ -35,7 +35,7 @@ class Beside(Protocol):
         """End, for good."""
 
 
-class Nothing:
+class NoEvents:
     """Nobody is served."""
 
     statuses: Mapping[str, DeviceStatus] = {}
@@ -57,16 +57,16 @@ class WakeUp:
     its connection.
     """
 
-    def __init__(self, beside: Beside, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, servers: EventSource, clock: Callable[[], float] = time.monotonic) -> None:
         self._epoll = select.epoll()
-        self._beside, self._clock = beside, clock
+        self._servers, self._clock = servers, clock
         self._ports: Sequence[Port] = ()  # as given last
         self._fds: list[int] = []  # of them; -1: not open
         self._known: dict[int, tuple[Port, int]] = {}  # by descriptor: whose, of which connection
         self._armed: set[int] = set()
-        self._beside_fd = beside.fileno()
-        if self._beside_fd >= 0:
-            self._epoll.register(self._beside_fd, select.EPOLLIN)
+        self._servers_fd = servers.fileno()
+        if self._servers_fd >= 0:
+            self._epoll.register(self._servers_fd, select.EPOLLIN)
 
     def wait(
         self, due_s: float, ports: Sequence[Port], hears_s: Sequence[float]
@@ -82,15 +82,15 @@ class WakeUp:
         while True:
             now_s = self._clock()
             until_s = min(due_s, self._arm(now_s, hears_s))
-            wait_s = min(until_s - now_s, self._beside.wait_s)
-            readable, has_run = list[Port](), self._beside.wait_s <= 0.0
+            wait_s = min(until_s - now_s, self._servers.wait_s)
+            readable, has_run = list[Port](), self._servers.wait_s <= 0.0
             for fd, _ in self._epoll.poll(max(0.0, wait_s)):
                 self._armed.discard(fd)
-                has_run |= fd == self._beside_fd
+                has_run |= fd == self._servers_fd
                 if fd in self._known:
                     readable.append(self._known[fd][0])
             if has_run:
-                self._beside.run()
+                self._servers.run()
             if readable or has_run or not self._clock() < due_s:
                 return readable
 

@@ -12,7 +12,7 @@ import pytest
 
 from hw.device import DeviceStatus, NoPort, Port
 from hw.runtime.servers import ROUNDS, Loop, Servers
-from hw.runtime.wakeup import Nothing, WakeUp
+from hw.runtime.wakeup import NoEvents, WakeUp
 
 
 class Wire(NoPort):
@@ -67,7 +67,7 @@ def stack() -> Iterator[ExitStack]:
 
 
 def wires(stack: ExitStack, count: int) -> tuple[WakeUp, list[Wire]]:
-    wake_up, made = WakeUp(Nothing()), [Wire() for _ in range(count)]
+    wake_up, made = WakeUp(NoEvents()), [Wire() for _ in range(count)]
     stack.callback(wake_up.close)
     for wire in made:
         stack.callback(wire.close)

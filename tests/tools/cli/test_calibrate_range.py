@@ -260,9 +260,13 @@ def test_another_driver_and_wrong_use_end_with_one_line(tmp_path: Path, capsys: 
 
 @pytest.mark.real_time
 def test_the_whole_tool_in_real_time(tmp_path: Path, capsys: Capsys) -> None:
-    """Of two distances that are alike, for the board stays where it is."""
+    """Of two distances that are nearly alike, for the board goes away by 2 cm a second."""
     path = tmp_path / "mapod.toml"
-    fake = FakeUrg04lx(lambda t_s, times_s, bearings_rad: 1.0 + 0.0 * times_s, 1, "URG-04LX-UG01")
+
+    def board(t_s: float, times_s: F64, bearings_rad: F64) -> F64:
+        return 0.9 + 0.02 * (times_s % 50.0)
+
+    fake = FakeUrg04lx(board, 1, "URG-04LX-UG01")
     wire = PtyWire(fake)
     text = SHIPPED.replace("/dev/urg?", f"{wire.path}?")
     with served(wire):

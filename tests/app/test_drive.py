@@ -30,10 +30,11 @@ class Commander:
     """A loop whose planner asks for a motion, 20 times a second, as long as it is told to."""
 
     def __init__(
-        self, *solids: Solid, key: bytes | None = None, radio: bool = True, **robot: Any
-    ) -> None:
+        self, *solids: Solid, key: bytes | None = None, radio: bool = True, cells: int = 101,
+        **robot: Any,
+    ) -> None:  # fmt: skip
         scene = Scene("hall", solids or (FLOOR,))
-        config = shipped(robot=READY | robot, drive={"radio": radio})
+        config = shipped(robot=READY | robot, drive={"radio": radio}, map={"cells": cells})
         self.loop = ClosedLoop(config, scene, drives=False, key=key)
         self.asks: tuple[float, float] | None = None
         self.valid_s = 0.2
@@ -143,10 +144,13 @@ def test_it_stops_before_an_obstacle_says_so_and_can_back_off() -> None:
     assert commander.place[0] < x_m - 0.15
 
 
-def test_it_stops_before_a_drop_and_the_planner_is_told_of_it() -> None:
+@pytest.mark.parametrize(
+    "cells", [101, 201]
+)  # its floor lies 12 m ahead: outside of the map, in it
+def test_it_stops_before_a_drop_and_the_planner_is_told_of_it(cells: int) -> None:
     near = Solid("floor before the drop", (-20.0, 9.27), (-20.0, 20.0), (-1.0, 0.0))
     far = Solid("floor of the ditch", (9.27, 40.0), (-20.0, 20.0), (-1.0, -0.6))
-    commander = Commander(near, far)
+    commander = Commander(near, far, cells=cells)
     told = 0
     commander.asks = (0.9, 0.0)
     for _ in range(60):

@@ -76,7 +76,8 @@ class Limits(NamedTuple):
     h_neg_m: float
     height_m: float  # of the robot
     soft_m: float  # so high, soft things may be free; 0: never
-    guess_m2: float  # variance of ground that is a guess
+    guess_m2: float  # variance of ground that is a guess,
+    expected_m: float  # which it is so far from where it is known
     sure_m2: float  # ground less sure is set by what most returns agree on
     wheels_m2: float  # most variance of the plane on which the robot stands
     floor_says: float  # vote of floor where nothing stands

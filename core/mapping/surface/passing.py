@@ -15,7 +15,7 @@ from core.mapping.surface.cells import Surface, ground_of, height_over, plane_at
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import arms_m2, parted_m2
 from core.mapping.surface.evidence import expect, lower, vote
-from core.mapping.surface.sweep import Beams, noise_m2, reach, upright_line
+from core.mapping.surface.sweep import Beams, level_of, noise_m2, reach, upright_line
 from core.records import F64
 from jit import Record, kernel
 
@@ -35,16 +35,22 @@ def _expects(at: int, x: float, y: float, r: float, ray: F64, surface: Surface) 
 
 @kernel
 def _leave(b: int, beams: Beams, surface: Surface) -> float:
-    """How far a beam is in the map that ends outside of it; if too low there, it is BELOW."""
+    """How far a beam counts that ends outside of the map, or low over ground that is a guess.
+
+    As far as the map reaches, and ground is expected beyond where level ground is met; if it is too
+    low there, it is BELOW.
+    """
     one, lens, ray, ring = beams.returns[b], beams.lenses[b], beams.rays[b], surface.ring
     corner, r = (ring.corner_i, ring.corner_j), beams.ranges_m[0, b]
     for k in range(2):
         edge_m = (corner[k] + (ring.size if ray[k] > 0.0 else 0)) * ring.cell_m
         if ray[k] != 0.0:
             r = min(r, (edge_m - lens[k]) / ray[k] - 0.5 * ring.cell_m)
-    lens_z, rise = upright_line(lens, ray, surface)
+    (lens_z, rise), wheels_m = upright_line(lens, ray, surface), surface.now[0].wheels_m
+    if rise < 0.0:
+        r = min(r, (wheels_m - lens_z) / rise + surface.limits.expected_m / level_of(ray))
     z = lens_z + r * rise
-    if z - surface.now[0].wheels_m > surface.limits.h_neg_m or r < MIN_RANGE_M:
+    if z - wheels_m > surface.limits.h_neg_m or r < MIN_RANGE_M:
         return float(r)
     x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
     plane = reach(x, y, r, ray, surface)
@@ -182,7 +188,7 @@ def follow_beams(beams: Beams, surface: Surface) -> None:
         if ranges_m[b] < MIN_RANGE_M:
             continue  # it came back, and tells nothing
         one, end = beams.returns[b], ranges_m[b]
-        if one.at < 0:
+        if one.at < 0 or (one.kind == sweep.NONE and one.height_m < 0.0):
             end = _leave(b, beams, surface)
         if one.kind not in (sweep.HIGH, sweep.NONE):
             _pass_low(b, end, beams, surface)

@@ -46,13 +46,11 @@ class BoxIndex:
     def near(self, box: Box) -> list[int]:
         """Ids, ascending, of all boxes that touch this one."""
         (x0, y0, x1, y1), boxes = box, self._boxes
-        found = set(boxes)
-        if not _is_large(box):
-            near = (self._cells.get(cell, ()) for cell in _cells_of(box))
-            found = self._large.union(*near)
+        cells = () if _is_large(box) else _cells_of(box)
+        near = self._large.union(*(self._cells.get(cell, ()) for cell in cells))
         return sorted(
             n
-            for n in found
+            for n in (boxes if _is_large(box) else near)
             if boxes[n][0] <= x1 and boxes[n][2] >= x0 and boxes[n][1] <= y1 and boxes[n][3] >= y0
         )
 

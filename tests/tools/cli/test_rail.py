@@ -5,6 +5,8 @@ import math
 import pytest
 
 from config_file import load_config, with_changes
+from core.motion.external_pose import JUMP_M
+from core.motion.pose_track import EXTRAPOLATED_S, LOST_S
 from fakes.world.kinematic import KinematicWorld
 from fakes.world.trajectory import Way, stand, straight
 from mapod_link.receiver import Receiver
@@ -83,6 +85,11 @@ def test_what_is_no_distance_is_told_and_the_cart_stands_where_it_stood(
     assert rail._take("\n", cart, 0.01, 9.0)  # and from then on a step farther
     assert cart.distance_m == 0.01
     assert not rail._take("", cart, 0.01, 20.0)
+
+
+def test_its_times_and_ways_are_beyond_those_of_the_track() -> None:
+    assert EXTRAPOLATED_S < rail.SILENT_S < LOST_S
+    assert rail.FARTHEST_M < JUMP_M
 
 
 def test_a_port_that_is_none_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,6 +16,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from core.paths.cleaning.free_floor import NO_PLACE, FreeFloor
 from core.paths.cleaning.frontiers import (
     FEW_CELLS,
     LEAST_CELLS,
@@ -24,8 +25,8 @@ from core.paths.cleaning.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
-from core.paths.cleaning.seen_floor import MOST, SPECK_M2, Doubt, SeenFloor, SweptFloor
-from core.paths.cleaning.things import GAP_M, Thing, before, outlines
+from core.paths.cleaning.seen_floor import MOST, Doubt, SeenFloor, SweptFloor
+from core.paths.cleaning.things import Thing, outlines
 from core.paths.coverage.plan import FIRST, LAST, plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
@@ -36,7 +37,7 @@ Goal = Literal["look", "sweep", "home", "wait", "done", "stuck"]
 Place = tuple[float, float, float]  # x, y, yaw
 LOOKS = 2  # at one frontier, at most: what is still unseen is seen while sweeping, or never
 LOOKS_MOST, MOVED_M = 6, 0.15  # at one whose middle has moved by that since: it was seen in part
-AT_DOCK_M = 0.25  # from there the dock can be got to
+AT_M = 0.25  # from the dock, or from where it was to look: it is there
 TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
 ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
@@ -48,7 +49,6 @@ DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
 BARRED_M = 1.5  # where it was barred: so near it cannot look (`frontiers.NEAR_M`, and its size)
-NO_PLACE = Polygon()
 PARTED_M2, PARTED_LOOKS = 1.0, 8  # of places that are parted off: so often it turns and looks again
 
 
@@ -101,6 +101,7 @@ class Cleaning:
         self._doubts = dict[int, list[Doubt]]()  # by what is new: of floor below it
         self._rounds = self._tried = self._parted = 0
         self._won_m2 = 0.0
+        self._viewpoint: Viewpoint | None = None  # of the last task
         self._moved = set[int]()  # what was told to move
 
     def see(
@@ -150,49 +151,14 @@ class Cleaning:
         tool = disc(at, self.settings.machine.width_m / 2)
         return self.clean.count_below(tool) * self.settings.cell_m**2 > DIRT_M2
 
-    def free(self, things: Sequence[Thing], barred: BaseGeometry = NO_PLACE) -> BaseGeometry:
-        """Where the machine's outline may be: seen, or right before a thing; and away from it.
-
-        Small holes in it will be seen before the machine is there, but where it was barred.
-        """
-        known, guard_m = outlines(things), self.settings.guard_m
-        bars = shapely.union_all([one.buffer(guard_m, join_style="mitre") for one in known])
-        stood = self.floor.stood()
-        seen = self._without_holes(self.floor.free(), [*known, stood, barred])
-        return shapely.union_all([seen, *self._beside(seen, things)]).difference(bars)
-
-    def _without_holes(self, seen: MultiPolygon, known: Sequence[BaseGeometry]) -> BaseGeometry:
-        """Seen floor with what is not seen in its midst, away from all that is known there."""
-        most_m2 = math.pi * self.settings.machine.radius_m**2
-        tree, filled = shapely.STRtree(known), list[BaseGeometry]([seen])
-        for part in seen.geoms:
-            for ring in part.interiors:
-                hole = Polygon(ring)
-                if hole.area < SPECK_M2 or (
-                    hole.area < most_m2 and not len(tree.query(hole, "dwithin", GAP_M))
-                ):
-                    filled.append(hole)
-        return shapely.union_all(filled)
-
-    def explain(self, things: Sequence[Thing]) -> None:
-        """Keep which floor lies right before things, for `floor.is_free`."""
-        self.floor.explain(self._beside(self.floor.free(), things))
-
-    def _beside(self, seen: BaseGeometry, things: Sequence[Thing]) -> list[Polygon]:
-        """Gaps between seen floor and what was seen of things: views end before that."""
-        known = shapely.union_all(outlines(things))
-        both = shapely.buffer(seen.union(known), GAP_M / 2, quad_segs=2)
-        closed = shapely.buffer(both, -GAP_M / 2, quad_segs=2)
-        gaps = closed.intersection(before(things)).difference(seen)
-        return polygons_in(gaps.difference(self.floor.stood()))
-
     def plan(
         self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None = None,
         is_barred: bool = False,
     ) -> Task:  # fmt: skip
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
 
-        Behind a third of them it looks no more, behind half of them it goes home.
+        Behind a third of them it looks no more, behind half of them it goes home. Before the first
+        sweep a look that it came to is none of them: what one frontier hides tells of no other.
 
         Args:
             things: all that is known to stand or to move, walls too.
@@ -201,15 +167,21 @@ class Cleaning:
             is_barred: something bars its way, maybe floor that it does not see.
         """
         won_m2 = self.floor.area_m2 + self.clean.area_m2
-        self._tried += 1
+        self._tried += not self._has_looked(place)
         if won_m2 > self._won_m2 + WON_M2:
             self._tried, self._won_m2 = 0, won_m2
         may_look = may_look and self._tried < self.settings.tries // 3
         barred = shapely.Point(place[:2]).buffer(BARRED_M) if is_barred else NO_PLACE
         task = self._next(place, things, may_look, old, barred)
+        self._viewpoint = task.viewpoint
         if self._tried < self.settings.tries:
             return task
         return Task("stuck", why=task.why or f"the way is barred again and again, to {task.goal}")
+
+    def _has_looked(self, place: Place) -> bool:
+        """Whether it came to where it was to look, before the first sweep."""
+        at = self._viewpoint
+        return self._rounds == 0 and at is not None and math.dist(place[:2], at.place) < AT_M
 
     def _next(
         self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None,
@@ -217,10 +189,11 @@ class Cleaning:
     ) -> Task:  # fmt: skip
         self._things = list(things)
         here = place[0], place[1]
-        self.explain(things)
+        there, machine = FreeFloor(self.floor, things), self.settings.machine
+        self.floor.explain(there.gaps())
         try:
-            free = self.free(things, barred)
-            space = space_at(MultiPolygon(polygons_in(free)), self.settings.machine, here)
+            free = there.area(self.settings.guard_m, machine.radius_m, barred)
+            space = space_at(MultiPolygon(polygons_in(free)), machine, here)
         except FloorError:
             return Task("wait", why="the machine has no room where it stands")
         graph = VisibilityGraph(space)
@@ -307,7 +280,7 @@ class Cleaning:
     def _home(
         self, free: BaseGeometry, space: Polygon, graph: VisibilityGraph, place: Place
     ) -> Task:
-        if space.distance(shapely.Point(self._dock[:2])) > AT_DOCK_M:  # something parts it off
+        if space.distance(shapely.Point(self._dock[:2])) > AT_M:  # something parts it off
             return Task("look", (), place[2] + TURN_RAD, why="something parts it from the dock")
         if (task := self._wait_for_more(free, space, place)) is not None:
             return task

@@ -1,13 +1,17 @@
 """Cleaning a floor that nobody knows: a perfect eye, and a machine that jumps along its path."""
 
 import math
+from collections import Counter
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-from core.paths.cleaning.cleaning import BARRED_M, Cleaning, CleaningSettings, Place, Task
+from core.paths.cleaning.cleaning import BARRED_M, LOOKS, Cleaning, CleaningSettings, Place, Task
+from core.paths.cleaning.free_floor import NO_PLACE, FreeFloor
+from core.paths.cleaning.frontiers import Block
 from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of
 from core.paths.coverage.measures import swept_by
 from core.paths.records import Machine
@@ -40,6 +44,13 @@ def view(place: Place) -> np.ndarray:
 def _reach(ray: shapely.LineString) -> float:
     met = ray.intersection(FREE.boundary)
     return min(4.0, float(shapely.Point(ray.coords[0]).distance(met)) if not met.is_empty else 4.0)
+
+
+def free_of(
+    cleaning: Cleaning, things: list[Thing], barred: BaseGeometry = NO_PLACE
+) -> BaseGeometry:
+    there = FreeFloor(cleaning.floor, things)
+    return there.area(SETTINGS.guard_m, MACHINE.radius_m, barred)
 
 
 class Jumper:
@@ -106,14 +117,14 @@ def test_a_gap_between_seen_floor_and_a_known_wall_is_free_and_what_is_behind_is
     floor, wall = machine.cleaning.floor, shapely.box(3.03, -1.0, 3.05, 1.0)
     floor.vouch(np.array([[0.0, -1.0], [3.0, -1.0], [3.0, 1.0], [0.0, 1.0]]))
     gap = shapely.box(2.8, -0.8, 3.03 - SETTINGS.guard_m - 0.001, 0.8)
-    free = machine.cleaning.free([Thing(wall)])
+    free = free_of(machine.cleaning, [Thing(wall)])
     assert free.covers(gap)
     hidden = shapely.get_coordinates(shapely.box(2.8, -0.8, 3.06, 0.8).exterior)[:-1]
     assert not floor.is_free(hidden)  # a question changes nothing
-    machine.cleaning.explain([Thing(wall)])
+    floor.explain(FreeFloor(floor, [Thing(wall)]).gaps())
     assert floor.is_free(hidden)
     assert free.intersection(shapely.box(3.03, -1.0, 4.0, 1.0)).is_empty
-    assert not machine.cleaning.free([]).intersects(shapely.box(3.0, -1.0, 4.0, 1.0))
+    assert not free_of(machine.cleaning, []).intersects(shapely.box(3.0, -1.0, 4.0, 1.0))
 
 
 def test_a_gap_behind_a_thing_that_was_seen_from_one_side_may_be_more_of_it() -> None:
@@ -123,10 +134,10 @@ def test_a_gap_behind_a_thing_that_was_seen_from_one_side_may_be_more_of_it() ->
     corners = np.array([[2.2, 0.0], [2.8, 0.0], [2.8, 0.1], [2.2, 0.1]])
     before, behind = shapely.box(2.3, -0.08, 2.7, -0.04), shapely.box(2.3, 0.14, 2.7, 0.18)
     for seen, is_free in (([True, False, False, False], False), ([True] * 4, True)):
-        free = machine.cleaning.free([thing_of(corners, np.array(seen))])
+        free = free_of(machine.cleaning, [thing_of(corners, np.array(seen))])
         assert free.covers(before)
         assert free.covers(behind) == is_free
-    assert not machine.cleaning.free([new_thing(corners)]).covers(before)
+    assert not free_of(machine.cleaning, [new_thing(corners)]).covers(before)
 
 
 def test_floor_stays_as_it_was_below_what_was_new_and_then_seen_to_move() -> None:
@@ -169,7 +180,7 @@ def test_a_small_hole_in_seen_floor_is_planned_over_and_no_other(
     machine.cleaning.floor.add(shapely.get_coordinates((seen - hole - slit).exterior)[:-1])
     thing = Thing(shapely.box(x, y + edge_m + thing_m, x + 0.1, y + edge_m + thing_m + 0.1))
     barred = shapely.Polygon() if may_look else shapely.Point(0.0, 0.0).buffer(BARRED_M)
-    free = machine.cleaning.free([thing], barred)
+    free = free_of(machine.cleaning, [thing], barred)
     assert free.covers(hole.buffer(-0.01)) == is_swept
 
 
@@ -190,9 +201,9 @@ def test_where_something_stood_nothing_explains_the_floor_until_it_is_seen_anew(
         told = PassingThing(1, post, is_moving=False, is_seen=True)
         cleaning.see(np.zeros((0, 2)), outlines(boxes), [told])
     cleaning.see(np.zeros((0, 2)), outlines(boxes))
-    cleaning.explain(boxes)
+    cleaning.floor.explain(FreeFloor(cleaning.floor, boxes).gaps())
     ring = shapely.get_coordinates(gap.exterior)[:-1]
-    assert cleaning.free(boxes).buffer(0.01).covers(shapely.Point(1.95, 0.0)) != is_kept
+    assert free_of(cleaning, boxes).buffer(0.01).covers(shapely.Point(1.95, 0.0)) != is_kept
     assert cleaning.floor.is_free(ring) != is_kept
     for _ in range(3):
         cleaning.see(np.minimum(1.06 * floor, 1.99), outlines(boxes))
@@ -268,12 +279,25 @@ def test_looks_that_win_nothing_end_and_it_goes_home() -> None:
     machine = Jumper()
     machine.jump((0.0, 0.0, 0.0), False)
     machine.cleaning.floor.vouch(shapely.get_coordinates(ROOM.exterior)[:-1])
-    goals = []
-    for _ in range(SETTINGS.tries - 1):
-        goals.append(machine.cleaning.plan((0.0, 0.0, 0.0), machine.known, may_look=True).goal)
-        machine.cleaning.clean.vouch(shapely.get_coordinates(ROOM.exterior)[:-1])
-    assert goals[0] == "look"
+    cleaning, goals = machine.cleaning, ["look"]
+    most = LOOKS * len(cleaning.frontiers(machine.known)) + SETTINGS.tries
+    while goals[-1] in ("look", "sweep") and len(goals) < most:
+        goals.append(cleaning.plan((0.0, 0.0, 0.0), machine.known, may_look=True).goal)
+        cleaning.clean.vouch(shapely.get_coordinates(ROOM.exterior)[:-1])
+    assert goals[1] == "look"
     assert goals[-1] == "home"
+
+
+def test_frontiers_that_show_nothing_keep_it_from_looking_at_no_other() -> None:
+    machine, looks = Jumper(), Counter[Block]()
+    machine.jump((0.0, 0.0, 0.0), False)
+    machine.cleaning.floor.vouch(shapely.get_coordinates(ROOM.exterior)[:-1])
+    while (task := machine.cleaning.plan(machine.place, machine.known, may_look=True)).viewpoint:
+        machine.place = *task.viewpoint.place, 0.0  # it came there, and saw nothing new
+        looks[task.viewpoint.block] += 1
+    assert task.goal == "sweep"
+    assert set(looks) == machine.cleaning.frontiers(machine.known)
+    assert set(looks.values()) == {LOOKS}
 
 
 def test_what_takes_long_and_wins_floor_is_not_given_up() -> None:

@@ -22,6 +22,7 @@ from core.paths.cleaning.frontiers import (
     LEAST_CELLS,
     Block,
     Viewpoint,
+    block_square,
     frontier_blocks,
     next_viewpoint,
 )
@@ -205,6 +206,11 @@ class Cleaning:
     def frontiers(self, things: Sequence[Thing]) -> set[Block]:
         """Names of the frontiers that there are."""
         return set(self._blocks(things))
+
+    def is_frontier(self, block: Block, things: Sequence[Thing]) -> bool:
+        """Whether one of them is, by the things near it."""
+        square, far_m = block_square(self.floor, block), self.settings.explained_m
+        return block in self._blocks([one for one in things if one.outline.dwithin(square, far_m)])
 
     def _blocks(self, things: Sequence[Thing]) -> dict[Block, tuple[float, float]]:
         """Middles of frontiers; behind the first sweep of smaller ones too, which bar its way."""

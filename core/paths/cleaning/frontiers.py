@@ -70,6 +70,13 @@ def _ways(is_place: Mask, i0: int, j0: int) -> F64:
     return far
 
 
+def block_square(floor: SeenFloor, block: Block) -> Polygon:
+    """Of all its cells."""
+    size_m = BLOCK * floor.cell_m
+    x, y = (floor.low + size_m * np.array(block)).tolist()
+    return shapely.box(x, y, x + size_m, y + size_m)
+
+
 def frontier_blocks(floor: SeenFloor, known: Mask, least: int) -> dict[Block, Point]:
     """Middles of the frontier's blocks, by their names.
 

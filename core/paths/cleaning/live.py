@@ -114,7 +114,7 @@ class LiveCleaning:
             return False
         self._looked_s = asked.t_s
         things = self._things(shapely.Point(asked.place[:2]))
-        return at.block not in self._cleaning.frontiers(things)
+        return not self._cleaning.is_frontier(at.block, things)
 
     def _planned(self, asked: Request, may_look: bool) -> Planned:
         things = self._things(shapely.Point(asked.place[:2]))

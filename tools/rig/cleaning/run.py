@@ -313,7 +313,7 @@ class HallRun:
 
     def _is_seen(self) -> bool:
         at = self.task.viewpoint
-        return at is not None and at.block not in self.cleaning.frontiers(self.things())
+        return at is not None and not self.cleaning.is_frontier(at.block, self.things())
 
     def _plan(self, place: Place, may_look: bool = True, is_barred: bool = False) -> None:
         self._arrived_s, self._halts = math.inf, False

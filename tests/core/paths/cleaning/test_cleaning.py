@@ -296,7 +296,10 @@ def test_frontiers_that_show_nothing_keep_it_from_looking_at_no_other() -> None:
         machine.place = *task.viewpoint.place, 0.0  # it came there, and saw nothing new
         looks[task.viewpoint.block] += 1
     assert task.goal == "sweep"
-    assert set(looks) == machine.cleaning.frontiers(machine.known)
+    known = machine.known
+    assert set(looks) == machine.cleaning.frontiers(known)
+    for block in set(looks) | {(a + 1, b) for a, b in looks}:
+        assert machine.cleaning.is_frontier(block, known) == (block in looks)
     assert set(looks.values()) == {LOOKS}
 
 

@@ -42,6 +42,7 @@ AT_M = 0.25  # from the dock, or from where it was to look: it is there
 TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
 ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
+BESIDE_M = 0.06  # from outlines, that err: farther away floor that is seen no more is worth a look
 GRAZING_M = 0.1  # from things to the line along which it looks past them
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
 MUCH = 0.1  # of the floor: while more is left, what costs a long way is left for later
@@ -214,9 +215,13 @@ class Cleaning:
 
     def _blocks(self, things: Sequence[Thing]) -> dict[Block, tuple[float, float]]:
         """Middles of frontiers; behind the first sweep of smaller ones too, which bar its way."""
-        near = [one.buffer(self.settings.explained_m) for one in outlines(things)]
+        known = outlines(things)
+        near, there = (
+            self.floor.mask_of([one.buffer(far_m) for one in known])
+            for far_m in (self.settings.explained_m, BESIDE_M)
+        )
         least = FEW_CELLS if self._rounds > 0 else LEAST_CELLS
-        return frontier_blocks(self.floor, self.floor.mask_of(near), least)
+        return frontier_blocks(self.floor, near, there, least)
 
     def _look(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task | None:
         blocks = self._blocks(self._things)

@@ -26,6 +26,7 @@ NEAR_M, FAR_M = 1.1, 1.8  # from a place to the frontier that is looked at
 IN_REACH_M = 1.0  # a frontier that is farther from all places is not needed
 SIGHTS = 60  # places that are tried for one block
 BLOCKS = 12  # the nearest ones
+SHORT_M = 0.15  # before a frontier a line of sight may end: it may lie right beside a thing
 TURN_M = 0.7  # of way that a radian of turning is worth
 
 Point = tuple[float, float]
@@ -77,15 +78,17 @@ def block_square(floor: SeenFloor, block: Block) -> Polygon:
     return shapely.box(x, y, x + size_m, y + size_m)
 
 
-def frontier_blocks(floor: SeenFloor, known: Mask, least: int) -> dict[Block, Point]:
+def frontier_blocks(floor: SeenFloor, known: Mask, things: Mask, least: int) -> dict[Block, Point]:
     """Middles of the frontier's blocks, by their names.
 
     Args:
         known: of `SeenFloor.mask_of`, what things and walls explain.
+        things: the same, where they may be themselves: what was seen beside that, and then lost to
+            something that is not there any more, is worth a look.
         least: cells of a block; fewer are no frontier.
     """
     seen = floor.is_seen()
-    unknown = ~(seen | known)
+    unknown = ~(seen | known) | (floor.is_lost() & ~things)
     beside = np.zeros_like(seen)
     beside[1:] |= seen[:-1]
     beside[:-1] |= seen[1:]
@@ -152,7 +155,7 @@ def _best(
         if len(found) >= BLOCKS or (found and least_m > min(found, key=_way_of)[0]):
             break
         at = blocks[name]
-        lines = shapely.linestrings(_between(points[order], at))
+        lines = shapely.linestrings(_before(points[order], at))
         clear = np.flatnonzero(~shapely.intersects(bars, lines))
         if len(clear):
             k = int(order[clear[0]])
@@ -166,7 +169,8 @@ def _way_of(one: tuple[float, Viewpoint]) -> float:
     return one[0]
 
 
-def _between(points: F64, at: Sequence[float]) -> F64:
-    """Lines (n, 2, 2) from points (n, 2) to a place."""
-    ends = np.broadcast_to(np.array(at), points.shape)
-    return np.stack([points, ends], axis=1)
+def _before(points: F64, at: Sequence[float]) -> F64:
+    """Lines (n, 2, 2) from points (n, 2) to a little before a place."""
+    far = np.array(at) - points
+    share = 1.0 - SHORT_M / np.maximum(np.hypot(*far.T), 2.0 * SHORT_M)
+    return np.stack([points, points + share[:, None] * far], axis=1)

@@ -36,7 +36,6 @@ PRICES = (  # what a change must win, of what a lane in the open does; rows are 
 )
 FIRST = ((0.6, 0.4, 0.3, 0.2),)  # where later plans win the rest,
 LAST = ((0.1, 0.04, 0.02),)  # with the tool up on the way to it
-WORTH = 0.08  # at that price plans are compared
 ENOUGH = 0.996  # of the raster; more is bought at no lower price
 SMALL = 150  # squares of the width: up to that all rows are tried
 SPECK = 0.003  # smaller missed areas, of a square of the width, get no detour
@@ -211,7 +210,8 @@ class _Work:
     ) -> _Path:  # fmt: skip
         """What it is worth in m2; (n, 2) corners; whether each edge sweeps; the lanes' angle.
 
-        Along an older path (n, 2), if there is one.
+        Along an older path (n, 2), if there is one. Its length counts at the price at which the
+        last of the floor was bought: else a path that sweeps more, dearly, is better than its like.
         """
         start, end = (None if p is None else self._inside(p) for p in (begin, dock))
         graph, lines = self._tour(start, end)
@@ -238,7 +238,7 @@ class _Work:
         if home is not None and math.dist(points[-1], home[-1]) > 1e-9:
             points, sweeps = np.vstack([points, home[1:]]), sweeps + [False] * (len(home) - 1)
         worth = raster.area(raster.swept)
-        worth -= WORTH * self._machine.width_m * length_of(points)
+        worth -= min(prices, default=0.0) * self._machine.width_m * length_of(points)
         return worth, rotated(points, self._angle_rad), sweeps, self._angle_rad
 
     def _tour(self, start: F64 | None, end: F64 | None) -> tuple[VisibilityGraph, list[list[F64]]]:

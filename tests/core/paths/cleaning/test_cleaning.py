@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from core.paths.cleaning.cleaning import BARRED_M, LOOKS, Cleaning, CleaningSettings, Place, Task
 from core.paths.cleaning.free_floor import NO_PLACE, FreeFloor
 from core.paths.cleaning.frontiers import Block
-from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of
+from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of, walls
 from core.paths.coverage.measures import swept_by
 from core.paths.records import Machine
 from core.records import PassingThing
@@ -301,6 +301,26 @@ def test_frontiers_that_show_nothing_keep_it_from_looking_at_no_other() -> None:
     for block in set(looks) | {(a + 1, b) for a, b in looks}:
         assert machine.cleaning.is_frontier(block, known) == (block in looks)
     assert set(looks.values()) == {LOOKS}
+
+
+@pytest.mark.parametrize(("told", "is_looked_at"), [(0, False), (1, True)])
+def test_floor_that_was_seen_and_lost_beside_a_thing_is_looked_at_again(
+    told: int, is_looked_at: bool
+) -> None:
+    cleaning = Cleaning(replace(SETTINGS, cell_m=0.025), (0.0, 0.0, 0.0))
+    box, corners = shapely.box(2.0, -0.5, 2.6, 0.5), shapely.get_coordinates(ROOM.exterior)
+    known = [Thing(box), *walls(np.hstack([corners[:-1], corners[1:]]))]
+    for low, high in ((-9.0, 2.5), (2.1, 9.0)):  # outlines without holes
+        half = ROOM.difference(box).intersection(shapely.box(low, -9.0, high, 9.0))
+        cleaning.floor.vouch(shapely.get_coordinates(half.exterior)[:-1])
+    bump = np.array([[1.7, -0.1], [1.98, -0.1], [1.98, 0.1], [1.7, 0.1]])
+    for _ in range(told):  # by one frame, and no other tells of it again
+        new = PassingThing(1, bump, is_moving=False, is_seen=True)
+        cleaning.see(np.zeros((0, 2)), outlines(known[:1]), [new])
+    task = cleaning.plan((0.0, 0.0, 0.0), known, may_look=True)
+    assert (task.goal == "look") == is_looked_at
+    if task.viewpoint is not None:
+        assert math.dist(task.viewpoint.frontier, (1.84, 0.0)) < 0.15
 
 
 def test_what_takes_long_and_wins_floor_is_not_given_up() -> None:

@@ -12,7 +12,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from core.paths.coverage.measures import Motion, measures, swept_by
-from core.paths.coverage.plan import WORTH, plan_coverage
+from core.paths.coverage.plan import PRICES, plan_coverage
 from core.paths.coverage.tours import graph_of
 from core.paths.geometry.rings import joined, length_of
 from core.paths.geometry.space import FloorError, repaired
@@ -214,7 +214,7 @@ def test_an_old_path_is_mended_or_something_better_is_driven(
         assert outside.area < 1e-9
         band = swept_by([s.points for s in rest.segments], VACUUM.width_m / 2).difference(clean)
         length_m = sum(shapely.LineString(s.points).length for s in rest.segments)
-        worth_m2.append(band.area - WORTH * VACUUM.width_m * length_m)
+        worth_m2.append(band.area - PRICES[0][-1] * VACUUM.width_m * length_m)
     assert worth_m2[1] > worth_m2[0] - 0.02
 
 

@@ -159,8 +159,8 @@ class Cleaning:
     ) -> Task:  # fmt: skip
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
 
-        Behind a third of them it looks no more, behind half of them it goes home. Before the first
-        sweep a look that it came to is none of them: what one frontier hides tells of no other.
+        Behind a third of them it looks no more, behind half of them it goes home. A look that it
+        came to is none of them: what one frontier hides tells of no other, and each has a count.
 
         Args:
             things: all that is known to stand or to move, walls too.
@@ -181,9 +181,9 @@ class Cleaning:
         return Task("stuck", why=task.why or f"the way is barred again and again, to {task.goal}")
 
     def _has_looked(self, place: Place) -> bool:
-        """Whether it came to where it was to look, before the first sweep."""
+        """Whether it came to where it was to look."""
         at = self._viewpoint
-        return self._rounds == 0 and at is not None and math.dist(place[:2], at.place) < AT_M
+        return at is not None and math.dist(place[:2], at.place) < AT_M
 
     def _next(
         self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None,

@@ -84,8 +84,8 @@ def test_a_path_is_planned_told_driven_held_back_in_doubt_and_replayed_to_the_bi
 
 @pytest.mark.slow
 def test_walls_keep_the_place_where_wheels_slip(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Both wheels count 40 % too much for a second in seven, which no gyro tells."""
-    slips = tuple(Slip(0.4, 0.4, t_s, t_s + 1.0) for t_s in range(20, 100, 7))
+    """Both wheels count 60 % too much for a second in seven, which no gyro tells."""
+    slips = tuple(Slip(0.6, 0.6, t_s, t_s + 1.0) for t_s in range(20, 100, 7))
 
     def off_m() -> float:
         """In the mean: what slips there and back cancels out."""

@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from core.paths.cleaning.free_floor import NO_PLACE, FreeFloor
 from core.paths.cleaning.frontiers import (
     FEW_CELLS,
+    GRAZING_M,
     LEAST_CELLS,
     Block,
     Viewpoint,
@@ -42,8 +43,7 @@ AT_M = 0.25  # from the dock, or from where it was to look: it is there
 TURN_RAD = math.pi / 2  # by which it turns to look at what cuts it off
 ARC = 16  # corners of the machine's outline
 WON_M2 = 0.1  # of floor, seen or clean: less is no progress
-BESIDE_M = 0.06  # from outlines, that err: farther away floor that is seen no more is worth a look
-GRAZING_M = 0.1  # from things to the line along which it looks past them
+BESIDE = 1.0 + math.sqrt(2.0)  # cells from what stands: each frame takes them away (`see`)
 AHEAD_M = 0.04  # of the tool: where it is in the next instants
 MUCH = 0.1  # of the floor: while more is left, what costs a long way is left for later
 LIVELY = 3  # moving things, after which people are about: one may be a tracking error
@@ -218,7 +218,7 @@ class Cleaning:
         known = outlines(things)
         near, there = (
             self.floor.mask_of([one.buffer(far_m) for one in known])
-            for far_m in (self.settings.explained_m, BESIDE_M)
+            for far_m in (self.settings.explained_m, BESIDE * self.settings.cell_m)
         )
         least = FEW_CELLS if self._rounds > 0 else LEAST_CELLS
         return frontier_blocks(self.floor, near, there, least)

@@ -26,7 +26,10 @@ NEAR_M, FAR_M = 1.1, 1.8  # from a place to the frontier that is looked at
 IN_REACH_M = 1.0  # a frontier that is farther from all places is not needed
 SIGHTS = 60  # places that are tried for one block
 BLOCKS = 12  # the nearest ones
-SHORT_M = 0.15  # before a frontier a line of sight may end: it may lie right beside a thing
+GRAZING_M = 0.1  # from things to the line along which it looks past them
+# A frontier right beside a thing is looked at, too: the line may end so far before it, where it
+# comes out of what is kept from the thing, up to 48 degrees aslant.
+SHORT_M = 1.5 * GRAZING_M
 TURN_M = 0.7  # of way that a radian of turning is worth
 
 Point = tuple[float, float]
@@ -83,8 +86,8 @@ def frontier_blocks(floor: SeenFloor, known: Mask, things: Mask, least: int) -> 
 
     Args:
         known: of `SeenFloor.mask_of`, what things and walls explain.
-        things: the same, where they may be themselves: what was seen beside that, and then lost to
-            something that is not there any more, is worth a look.
+        things: the same, where they stand. Floor outside of that which was seen, and lost to
+            something that is told no more, is a frontier even where things explain it.
         least: cells of a block; fewer are no frontier.
     """
     seen = floor.is_seen()

@@ -78,7 +78,7 @@ class SeenFloor:
         self._explained: Mask = np.zeros((cells, cells), np.bool_)
         self._explains = 0
         self._stood: Mask = np.zeros((cells, cells), np.bool_)  # something, when last seen
-        self._was_seen: Mask = np.zeros((cells, cells), np.bool_)
+        self._lost: Mask = np.zeros((cells, cells), np.bool_)  # to a doubt, at least once
         self._nodes: U8 = np.zeros((cells + 1, cells + 1), np.uint8)
         self._used = np.array([cells, cells, 0, 0])  # lowest cell that was written, and highest
 
@@ -89,7 +89,6 @@ class SeenFloor:
         self._use(window)
         count = self.count[window]
         count += whole & (count < MOST)
-        self._was_seen[window] |= count >= self._least
         self._stood[window] &= whole == 0
 
     def vouch(self, outline: F64) -> None:
@@ -98,7 +97,6 @@ class SeenFloor:
         whole = nodes[:-1, :-1] & nodes[1:, :-1] & nodes[:-1, 1:] & nodes[1:, 1:]
         self._use(window)
         self.count[window][whole == 1] = self._least
-        self._was_seen[window] |= whole == 1
         self._stood[window] &= whole == 0
 
     def doubt(self, outline: F64, stays: bool = False) -> Doubt:
@@ -111,6 +109,7 @@ class SeenFloor:
         touched = nodes[:-1, :-1] | nodes[1:, :-1] | nodes[:-1, 1:] | nodes[1:, 1:]
         count = self.count[window]
         views = np.minimum(count, touched * np.uint8(DOUBT))
+        self._lost[window] |= (count >= self._least) & (count - views < self._least)
         count -= views
         explained = self._explained[window] & (touched == 1)
         self._explained[window] &= touched == 0
@@ -171,7 +170,7 @@ class SeenFloor:
 
     def is_lost(self) -> Mask:
         """The same of cells that were seen, until something was told there."""
-        return np.asarray(self._was_seen[self.window] & ~self.is_seen())
+        return np.asarray(self._lost[self.window] & ~self.is_seen())
 
     @property
     def area_m2(self) -> float:

@@ -12,7 +12,7 @@ from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from core.paths.coverage.measures import Motion, measures, swept_by
-from core.paths.coverage.plan import PRICES, plan_coverage
+from core.paths.coverage.plan import FIRST, PRICES, plan_coverage
 from core.paths.coverage.tours import graph_of
 from core.paths.geometry.rings import joined, length_of
 from core.paths.geometry.space import FloorError, repaired
@@ -216,6 +216,20 @@ def test_an_old_path_is_mended_or_something_better_is_driven(
         length_m = sum(shapely.LineString(s.points).length for s in rest.segments)
         worth_m2.append(band.area - PRICES[0][-1] * VACUUM.width_m * length_m)
     assert worth_m2[1] > worth_m2[0] - 0.02
+
+
+def test_the_old_path_goes_on_where_a_new_one_buys_a_little_floor_at_a_lower_price() -> None:
+    floor = KINDS["rooms"](10)
+    path = path_of(plan_coverage(floor, VACUUM))
+    k = int(0.4 * (len(path) - 1))
+    free = floor.difference(shapely.Point(path[k:].mean(axis=0)).buffer(0.15))
+    clean = swept_by([path[: k + 1]], VACUUM.width_m / 2)
+    here = float(path[k, 0]), float(path[k, 1])
+    new_m, old_m = (
+        length_of(path_of(plan_coverage(free, VACUUM, here, clean=clean, old=old, prices=FIRST)))
+        for old in (None, path[k:])
+    )
+    assert old_m < 0.95 * new_m
 
 
 def test_where_nothing_has_changed_the_old_path_goes_on() -> None:

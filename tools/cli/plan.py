@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 NOT_INSTALLED = "needs the library of polygons: pip install 'mapod[objects]'"
 NO_DXF = "a DXF drawing needs the library that reads it: pip install 'mapod[drawings]'"
 UNITS = ("mm", "cm", "dm", "m", "in", "ft")
+NEITHER = None, None
 Point = tuple[float, float]
 
 
@@ -38,6 +39,21 @@ def a_point(text: str) -> Point:
         return all(math.isfinite(value) for value in point)
 
     return value_of(text, pair, is_finite, "two numbers X,Y in m")
+
+
+def an_end(text: str) -> tuple[Point, float | None]:
+    """A point, and the heading there in rad, if one is given."""
+
+    def place(given: str) -> tuple[Point, float | None]:
+        x, y, *degrees = map(float, given.split(","))
+        if len(degrees) > 1:
+            raise ValueError
+        return (x, y), math.radians(degrees[0]) if degrees else None
+
+    def is_finite(end: tuple[Point, float | None]) -> bool:
+        return all(math.isfinite(value) for value in (*end[0], end[1] or 0.0))
+
+    return value_of(text, place, is_finite, "two or three numbers X,Y[,DEG] in m and deg")
 
 
 def a_footprint(text: str) -> list[Point]:
@@ -68,6 +84,8 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
         __doc__,
         "mapod plan flat.json --width 0.3 --radius 0.17 --picture flat.png --out path.geojson",
         "mapod plan hall.geojson --radius 0.4 --from 1,1 --to 20,7.5",
+        "mapod plan hall.geojson --footprint '0.6,0.3 -0.6,0.3 -0.6,-0.3 0.6,-0.3' "
+        "--from 1,1,90 --to 20,7.5",
     )
     add = parser.add_argument
     add("file", type=Path, help="the floor plan")
@@ -76,7 +94,8 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     shape = parser.add_mutually_exclusive_group()
     radius = "of the machine about the point it turns about, in m (half the width)"
     shape.add_argument("--radius", type=number_in(0, 100), help=radius)
-    corners = "its corners 'X,Y X,Y ...' about that point; the circle round them is kept free"
+    corners = "its corners 'X,Y X,Y ...' ahead and left of that point; a way goes where it fits, a "
+    corners += "sweep where the circle round them does"
     shape.add_argument("--footprint", type=a_footprint, help=corners)
     add("--clearance", type=number_in(0, 100), default=0.0, help="from walls, in m (0)")
     add("--start", type=a_point, metavar="X,Y", help="where the path begins")
@@ -87,8 +106,9 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     add(
         "--exact-lanes", action="store_true", help="leave lanes as they are laid, and their corners"
     )
-    add("--from", dest="start_at", type=a_point, metavar="X,Y", help="a way from here")
-    add("--to", dest="goal", type=a_point, metavar="X,Y", help="to there")
+    ends = "X,Y[,DEG]"
+    add("--from", dest="begin", type=an_end, metavar=ends, help="a way from here, where it looks")
+    add("--to", dest="goal", type=an_end, metavar=ends, help="to there; DEG: with --footprint")
     add("--speed", type=number_in(0.01, 100), default=0.3, help="for the time, in m/s (0.3)")
     add("--accel", type=number_in(0.01, 100), default=0.5, help="in m/s2 (0.5)")
     add("--turn", type=number_in(1, 3600), default=90.0, help="on the spot, in deg/s (90)")
@@ -107,8 +127,14 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     of_drawings = options.unit, options.layers, options.walls, any(options.origin)
     if any(of_drawings) and not options.is_drawing:
         parser.error("--unit, --layers, --origin, --walls: only with a DXF drawing, FILE.dxf")
-    if (options.start_at is None) != (options.goal is None):
+    if (options.begin is None) != (options.goal is None):
         parser.error("--from and --to: say both or none")
+    if (
+        options.goal
+        and options.footprint is None
+        and (options.begin[1], options.goal[1]) != NEITHER
+    ):
+        parser.error("--from, --to: DEG only with --footprint: a disc fits in all directions")
     if options.free_ends and (options.start or options.dock):
         parser.error("--free-ends: not with --start or --dock")
     return options
@@ -200,13 +226,20 @@ def lines_of(told: "Measures") -> list[str]:
 
 def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> int:
     """A way from A to B. Raises FloorError, OSError."""
-    from core.paths.geometry.ways import NoWay, find_way
+    from core.paths.geometry.shaped_ways import NoFit, Shape, find_shaped_way
+    from core.paths.geometry.ways import NoWay, Way, find_way
     from core.paths.records import Segment
     from tools.floorplans.geojson import way_as_geojson
     from tools.floorplans.picture import drawn
 
-    found = find_way(plan.free, machine.margin_m, options.start_at, options.goal)
-    if isinstance(found, NoWay):
+    (start, start_rad), (goal, goal_rad) = options.begin, options.goal
+    found: Way | NoWay | NoFit
+    if options.footprint is None:
+        found = find_way(plan.free, machine.margin_m, start, goal)
+    else:
+        shape = Shape(options.footprint, machine.clearance_m)
+        found = find_shaped_way(plan.free, shape, start, goal, start_rad, goal_rad)
+    if not isinstance(found, Way):
         return fail("plan", f"no way: {found.describe()}", 1)
     corners = len(found.points) - 2
     if options.report:

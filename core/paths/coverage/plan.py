@@ -19,10 +19,10 @@ from core.paths.coverage.patches import nearest_in, wall_strokes
 from core.paths.coverage.raster import FINER, NONE, Raster, edges_along
 from core.paths.coverage.refine import Refiner, modes_of
 from core.paths.coverage.sweep import QUARTER, Piece, Sweeper, rotated, turned
-from core.paths.coverage.tours import graph_of, linked, looped, ordered, snapped
+from core.paths.coverage.tours import linked, looped, ordered, snapped
 from core.paths.geometry.rings import Walls, length_of
 from core.paths.geometry.space import FloorError, grown, largest, narrowed, polygons_in, repaired
-from core.paths.geometry.visibility import VisibilityGraph
+from core.paths.geometry.visibility import VisibilityGraph, graph_of
 from core.paths.records import CoveragePlan, Kind, Machine, Segment
 from core.records import F64
 

@@ -4,8 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import shapely
-from shapely import MultiPolygon, Polygon
+from shapely import Polygon
 
 from core.paths.coverage.contours import entries_of
 from core.paths.coverage.loops import joined_loops
@@ -13,23 +12,12 @@ from core.paths.coverage.order import Tour
 from core.paths.coverage.patches import nearest_in
 from core.paths.coverage.sweep import Piece
 from core.paths.geometry.rings import joined, length_of
-from core.paths.geometry.space import polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
 from core.records import F64
 
-COARSE_M = 0.004  # ways between pieces bend at corners that are so far off, which are fewer
 JOINED, NEAREST = 12, 40  # nodes and other ends that an end of a piece is joined to
 SHUT_M = 1e-5  # ends of a piece that are nearer are one place
 DETOUR = 1.3  # of a way whose length is not known
-
-
-def graph_of(space: Polygon) -> VisibilityGraph:
-    """For ways between pieces: few corners. Where these join less than the space, all are tried."""
-    inner = shapely.buffer(space, -COARSE_M, quad_segs=2, join_style="mitre")
-    bends = MultiPolygon(polygons_in(shapely.simplify(inner, COARSE_M)))
-    if not bends.is_empty and space.covers(bends):
-        return VisibilityGraph(space, bends)
-    return VisibilityGraph(space)
 
 
 def lengths_between(graph: VisibilityGraph, points: F64) -> F64:

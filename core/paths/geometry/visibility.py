@@ -14,10 +14,12 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from core.paths.geometry.sight_kernels import I64, WallEdges, lines_of_sight, shorten_all
+from core.paths.geometry.space import polygons_in
 from core.records import F64
 
 MOST_STRIPS = 200
 NO_EDGES = (np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
+COARSE_M = 0.004  # ways between pieces bend at corners that are so far off, which are fewer
 TOUCH_M = 1e-6  # what a line along an edge may seem to lie outside, by rounding
 Bools = npt.NDArray[np.bool_]
 
@@ -188,3 +190,12 @@ class VisibilityGraph:
         order = np.argsort(begin, kind="stable")
         first = np.searchsorted(begin[order], np.arange(count + 1)).astype(np.int64)
         return first, end[order].astype(np.int64), np.concatenate([far, far])[order]
+
+
+def graph_of(space: Polygon) -> VisibilityGraph:
+    """For ways between pieces: few corners. Where these join less than the space, all are tried."""
+    inner = shapely.buffer(space, -COARSE_M, quad_segs=2, join_style="mitre")
+    bends = MultiPolygon(polygons_in(shapely.simplify(inner, COARSE_M)))
+    if not bends.is_empty and space.covers(bends):
+        return VisibilityGraph(space, bends)
+    return VisibilityGraph(space)

@@ -92,12 +92,29 @@ def test_a_way_from_a_to_b_and_why_there_is_none(hall: str, tmp_path: Path, caps
     assert "too narrow" in capsys.readouterr().err
 
 
+def test_a_way_of_a_long_machine_through_a_passage_that_its_circle_does_not_pass(
+    hall: str, capsys: Capsys
+) -> None:
+    shape = ["--footprint", "0.35,0.2 -0.35,0.2 -0.35,-0.2 0.35,-0.2"]
+    assert main([hall, "--from", "1,2.5", "--to", "3,2.5", "--radius", "0.403"]) == 1
+    capsys.readouterr()
+    assert main([hall, "--from", "1,2.5,-90", "--to", "3,2.5,90", *shape]) == 0
+    assert "corners" in capsys.readouterr().out
+    assert main([hall, "--from", "0.25,2.5,0", "--to", "3,2.5", *shape]) == 1
+    assert "start: at 0.25,2.5 the machine does not fit at 0 deg" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["--start", "1"], "must be two numbers X,Y in m, is '1'"),
         (["--start", "1,nan"], "must be two numbers X,Y in m, is '1,nan'"),
         (["--from", "1,1"], "--from and --to: say both or none"),
+        (
+            ["--from", "1,1,2,3", "--to", "1,1"],
+            "must be two or three numbers X,Y[,DEG] in m and deg",
+        ),
+        (["--from", "1,1,90", "--to", "1,1"], "--from, --to: DEG only with --footprint"),
         (["--footprint", "1,1 2,2"], "must be three or more corners"),
         (["--free-ends", "--dock", "1,1"], "--free-ends: not with --start or --dock"),
         (["--width", "0"], "must be from 0.01 to 100, is '0'"),

@@ -13,10 +13,9 @@ from shapely.geometry.base import BaseGeometry
 
 from core.paths.coverage.measures import Motion, measures, swept_by
 from core.paths.coverage.plan import FIRST, PRICES, plan_coverage
-from core.paths.coverage.tours import graph_of
 from core.paths.geometry.rings import joined, length_of
 from core.paths.geometry.space import FloorError, repaired
-from core.paths.geometry.visibility import bends_of
+from core.paths.geometry.visibility import bends_of, graph_of
 from core.paths.records import CoveragePlan, Machine
 from core.records import F64
 from tests.core.paths.floors import KINDS, VACUUM

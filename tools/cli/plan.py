@@ -11,6 +11,8 @@ import json
 import math
 import sys
 import time
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon
 
     from core.paths.coverage.measures import Measures
+    from core.paths.geometry.shaped_ways import Shape
     from core.paths.records import Machine
     from tools.floorplans.records import FloorPlan
 
@@ -94,8 +97,10 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     shape = parser.add_mutually_exclusive_group()
     radius = "of the machine about the point it turns about, in m (half the width)"
     shape.add_argument("--radius", type=number_in(0, 100), help=radius)
-    corners = "its corners 'X,Y X,Y ...' ahead and left of that point; a way goes where it fits, a "
-    corners += "sweep where the circle round them does"
+    corners = (
+        "its corners 'X,Y X,Y ...' ahead and left of that point: ways through passages are those "
+    )
+    corners += "of this shape, all else is done by the circle round it"
     shape.add_argument("--footprint", type=a_footprint, help=corners)
     add("--clearance", type=number_in(0, 100), default=0.0, help="from walls, in m (0)")
     add("--start", type=a_point, metavar="X,Y", help="where the path begins")
@@ -147,6 +152,13 @@ def margin_of(options: argparse.Namespace) -> float:
     return float(options.width / 2 if options.radius is None else options.radius)
 
 
+def shape_of(options: argparse.Namespace) -> "Shape | None":
+    """None: a disc. Raises FloorError."""
+    from core.paths.geometry.shaped_ways import Shape
+
+    return Shape(options.footprint, options.clearance) if options.footprint else None
+
+
 def write_json(path: Path | None, content: object) -> None:
     """A file whole or not at all; into a pipe or a terminal, straight."""
     if path is None:
@@ -170,6 +182,10 @@ def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") ->
     """Raises FloorError, OSError."""
     from core.paths.coverage.measures import Motion, measures
     from core.paths.coverage.plan import plan_coverage
+    from core.paths.coverage.spaces import plan_all_spaces
+    from core.paths.geometry.rings import joined
+    from core.paths.geometry.shaped_ways import off_floor_m2
+    from core.paths.geometry.ways import Way, turns_along
     from tools.floorplans.geojson import plan_as_geojson
     from tools.floorplans.picture import MISSED, REACHED, drawn
 
@@ -179,7 +195,9 @@ def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") ->
     if options.free_ends:
         start = dock = None
     begin_s = time.perf_counter()
-    made = plan_coverage(
+    shape = shape_of(options)
+    planner = plan_coverage if shape is None else partial(plan_all_spaces, shape=shape)
+    made = planner(
         plan.free,
         machine,
         start=start,
@@ -193,6 +211,11 @@ def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") ->
         speed_mps=options.speed, accel_mps2=options.accel, turn_radps=math.radians(options.turn)
     )
     told = measures(made, plan.free, machine, motion)
+    if shape is not None and made.segments:
+        path = joined([segment.points for segment in made.segments])
+        told = replace(
+            told, outside_m2=off_floor_m2(plan.free, shape, Way(path, turns_along(path)))
+        )
     if options.report:
         figures = {name: getattr(told, name) for name in told.__slots__}
         figures |= {"planned_s": took_s, "uncovered": rings_of(made.uncovered)}
@@ -226,7 +249,7 @@ def lines_of(told: "Measures") -> list[str]:
 
 def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> int:
     """A way from A to B. Raises FloorError, OSError."""
-    from core.paths.geometry.shaped_ways import NoFit, Shape, find_shaped_way
+    from core.paths.geometry.shaped_ways import NoFit, find_shaped_way
     from core.paths.geometry.ways import NoWay, Way, find_way
     from core.paths.records import Segment
     from tools.floorplans.geojson import way_as_geojson
@@ -234,10 +257,10 @@ def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> in
 
     (start, start_rad), (goal, goal_rad) = options.begin, options.goal
     found: Way | NoWay | NoFit
-    if options.footprint is None:
+    shape = shape_of(options)
+    if shape is None:
         found = find_way(plan.free, machine.margin_m, start, goal)
     else:
-        shape = Shape(options.footprint, machine.clearance_m)
         found = find_shaped_way(plan.free, shape, start, goal, start_rad, goal_rad)
     if not isinstance(found, Way):
         return fail("plan", f"no way: {found.describe()}", 1)
@@ -246,7 +269,7 @@ def go(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") -> in
         print(json.dumps({"length_m": found.length_m, "corners": corners}, indent=1))
     else:
         print(f"{found.length_m:.3f} m, {corners} corners")
-    write_json(options.out, way_as_geojson(found.points))
+    write_json(options.out, way_as_geojson(found))
     if options.picture is not None:
         segments = [Segment("travel", found.points)]
         drawn(plan.free, [], segments).save(options.picture, format="PNG")

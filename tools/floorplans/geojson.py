@@ -12,6 +12,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from core.paths.geometry.space import repaired
+from core.paths.geometry.ways import Way
 from core.paths.records import CoveragePlan
 from core.records import F64
 from tools.floorplans.records import FloorPlan, Json, PlanFileError, list_at, number, shown
@@ -123,12 +124,12 @@ def plan_as_geojson(plan: CoveragePlan) -> Json:
     return {"type": "FeatureCollection", "features": features}
 
 
-def way_as_geojson(points: F64) -> Json:
-    """A way from A to B."""
-    return {
-        "type": "FeatureCollection",
-        "features": [_feature(shapely.LineString(points), kind="travel", number=0)],
-    }
+def way_as_geojson(way: Way) -> Json:
+    """A way from A to B, with its turns on the spot: degrees to the left, at each inner point."""
+    turns = np.degrees(way.turns_rad).round(1).tolist()
+    line = shapely.LineString(way.points)
+    feature = _feature(line, kind="travel", number=0, turns_deg=turns)
+    return {"type": "FeatureCollection", "features": [feature]}
 
 
 def walls_as_geojson(walls: Sequence[shapely.LineString]) -> Json:

@@ -22,11 +22,10 @@ import shapely
 from shapely import LineString, Polygon, affinity
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.geometry.rings import length_of
 from core.paths.geometry.shape_kernels import free_headings, free_legs
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in, repaired
 from core.paths.geometry.visibility import graph_of, wall_edges
-from core.paths.geometry.ways import NoWay, Point, Way, find_way
+from core.paths.geometry.ways import NoWay, Point, Way, find_way, turns_along
 from core.records import F64
 
 HEADINGS = 360  # of a turn: turns are looked at by degrees
@@ -48,6 +47,7 @@ class Shape:
     """What a machine covers, about the point that it turns about: the hull of that and its corners.
 
     Attributes:
+        hull: what it covers, clearance too, where it looks along x.
         far_m: radius of the circle round it, about the same point.
         near_m: of the circle within it, about the same point.
         wide_m: of the largest circle within it.
@@ -63,6 +63,7 @@ class Shape:
         if not isinstance(hull, Polygon):
             raise FloorError("footprint: must have an area, its corners lie on a line")
         hull = shapely.convex_hull(grown(hull, clearance_m)) if clearance_m > 0 else hull
+        self.hull = hull
         self.far_m = float(np.hypot(*shapely.get_coordinates(hull).T).max())
         self.near_m = float(hull.exterior.distance(shapely.Point(0, 0)))
         self.wide_m = float(shapely.maximum_inscribed_circle(hull).length)
@@ -126,23 +127,50 @@ def find_shaped_way(
     whole = find_way(floor, shape.far_m, start, goal)
     if isinstance(whole, Way) and whole.length_m <= least.length_m + AS_SHORT_M:
         return whole
-    free = next(p for p in polygons_in(repaired(floor)) if p.covers(shapely.Point(start)))
+    free = part_at(floor, start)
     first, last = (
         None if angle is None else int(_headings(np.array(angle)))
         for angle in (start_rad, goal_rad)
     )
     for along in (None, LineString(least.points)):
-        roadmap = _Roadmap(free, shape, start, goal, along)
-        if not roadmap.fits(roadmap.START, first):
+        roadmap = Roadmap(free, shape, np.array([start, goal], float), along)
+        if not roadmap.fits(0, first):
             return NoFit("start", start, start_rad)
-        if not roadmap.fits(roadmap.GOAL, last):
+        if not roadmap.fits(1, last):
             return NoFit("goal", goal, goal_rad)
-        points, reached = roadmap.way(first, last)
-        ways = [] if points is None else [Way(points, length_of(points))]
+        search = roadmap.search(0, 1, first, last)
+        nodes = search.nodes_to(1)
+        ways = [] if nodes is None else [roadmap.straightened(nodes, first, last)]
         ways += [whole] if isinstance(whole, Way) else []
         if ways:
             return min(ways, key=lambda way: way.length_m)
+    reached = roadmap.points[search.reached()]
     return NoFit("way", _farthest(least.points, reached, shape.wide_m))
+
+
+def off_floor_m2(floor: BaseGeometry, shape: Shape, way: Way) -> float:
+    """Area beside the floor that it is over on a way; turns are looked at by degrees."""
+    steps = np.diff(way.points, axis=0)
+    looks = np.degrees(np.arctan2(steps[:, 1], steps[:, 0]))
+
+    def over(place: F64, look: float) -> BaseGeometry:
+        return affinity.translate(affinity.rotate(shape.hull, look, (0, 0)), *place)
+
+    parts = [
+        shapely.convex_hull(shapely.union(over(a, look), over(b, look)))
+        for look, a, b in zip(looks, way.points[:-1], way.points[1:], strict=True)
+    ]
+    shapely.prepare(floor)
+    for place, look, turn_rad in zip(way.points[1:-1], looks[:-1], way.turns_rad, strict=True):
+        if not floor.covers(shapely.Point(place).buffer(shape.far_m)):
+            turn = math.degrees(turn_rad)
+            parts += [over(place, look + d) for d in np.arange(0.0, turn, math.copysign(1, turn))]
+    return float(shapely.union_all(parts).difference(floor).area)
+
+
+def part_at(floor: BaseGeometry, place: Point) -> Polygon:
+    """The part of a floor that a place on it is in."""
+    return next(p for p in polygons_in(repaired(floor)) if p.covers(shapely.Point(place)))
 
 
 def _headings(angles_rad: F64) -> Ints:
@@ -160,33 +188,35 @@ def _farthest(way: F64, reached: F64, within_m: float) -> Point:
     return float(last[0]), float(last[1])
 
 
-class _Roadmap:
-    """Places and the legs between them; those of a place are looked for when asked."""
+class Roadmap:
+    """Places and the legs between them; those of a place are looked for when asked.
 
-    START, GOAL = 0, 1  # its first two places
-    ANY = -2  # number of an arc: any heading may be had; it stands last in rows of arcs
+    Attributes:
+        points: (n, 2) the places; those that were asked for come first.
+        is_in: (k, n) whether each lies in a part of the circle's space.
+    """
 
     def __init__(
-        self, free: Polygon, shape: Shape, start: Point, goal: Point, along: LineString | None
+        self, free: Polygon, shape: Shape, ends: F64, along: LineString | None = None
     ) -> None:
-        """`free`: the floor that both ends lie on; `along`: a way with a finer grid around it."""
-        self._shape, self._walls = shape, wall_edges(free)
-        space = polygons_in(narrowed(free, shape.far_m))
-        self._graphs = [graph_of(part) for part in space]
+        """`ends`: (m, 2) places to come from or go to, on the floor; `along`: a way that gets a
+        finer grid around it."""
+        self._shape, self._walls, self._ends = shape, wall_edges(free), len(ends)
+        self.space = polygons_in(narrowed(free, shape.far_m))
+        self._graphs = [graph_of(part) for part in self.space]
         corners = [graph.nodes for graph in self._graphs]
-        ends = np.array([start, goal], float)
         self._first = np.cumsum([len(ends), *map(len, corners)])
         points = np.vstack([ends, *corners, places_in_passages(free, shape, ends, along)])
         places = shapely.points(points)
-        is_in = np.zeros((len(space), len(points)), np.bool_)
+        is_in = np.zeros((len(self.space), len(points)), np.bool_)
         is_narrow = np.ones(len(points), np.bool_)
-        for number, part in enumerate(space):
+        for number, part in enumerate(self.space):
             is_in[number] = shapely.covers(part, places)
             is_narrow &= ~is_in[number]
         arcs = self._arcs_of(points, is_narrow)
         is_kept = arcs.max(axis=1) >= 0
         is_kept[: self._first[-1]] = True
-        self.points, self._arcs, self._is_in = points[is_kept], arcs[is_kept], is_in[:, is_kept]
+        self.points, self.arcs, self.is_in = points[is_kept], arcs[is_kept], is_in[:, is_kept]
         self._tree = shapely.STRtree(places[is_kept])
         self._legs: dict[int, Legs] = {}
 
@@ -203,32 +233,42 @@ class _Roadmap:
 
     def fits(self, place: int, heading: int | None) -> bool:
         """Whether the machine can stand there; None: in any direction."""
-        arcs = self._arcs[place]
+        arcs = self.arcs[place]
         return bool((arcs if heading is None else arcs[heading : heading + 1]).max() >= 0)
 
-    def way(self, first: int | None, last: int | None) -> tuple[F64 | None, F64]:
-        """(n, 2) the way, None: there is none; (m, 2) the places that were reached.
+    def search(
+        self, start: int, goal: int | None, first: int | None = None, last: int | None = None
+    ) -> "_Search":
+        """From a place to another one, or to all; first, last: headings there, None: any."""
+        return _Search(self, self.legs_from, start, goal, first, last)
 
-        Args:
-            first, last: heading at start and goal; None: any.
-        """
-        nodes, reached = self._shortest(self._legs_from, first, last)
-        if nodes is None:
-            return None, self.points[reached]
+    def straightened(
+        self, nodes: Sequence[int], first: int | None = None, last: int | None = None
+    ) -> Way:
+        """The shortest way over some of these places, however long its legs."""
         among = {node: self._free_legs(node, np.array(nodes)) for node in nodes}
-        nodes, _ = self._shortest(among.__getitem__, first, last)
-        return self.points[nodes], self.points[reached]
+        search = _Search(self, among.__getitem__, nodes[0], nodes[-1], first, last)
+        over = search.nodes_to(nodes[-1])
+        assert over is not None
+        points = self.points[over]
+        turns = turns_along(points)
+        looks = np.arctan2(*np.diff(points, axis=0).T[::-1])
+        for k, (node, turn) in enumerate(zip(over[1:-1], turns, strict=True)):
+            between = looks[k] + np.linspace(0.0, turn, HEADINGS)
+            if self.arcs[node, _headings(between)].min() < 0:  # so it is free the longer way round
+                turns[k] -= math.copysign(2 * math.pi, turn)
+        return Way(points, turns)
 
-    def _legs_from(self, node: int) -> Legs:
+    def legs_from(self, node: int) -> Legs:
         """To places within reach, and to those that see it in a space of the circle."""
         if node not in self._legs:
             point = self.points[node]
             reach_m = REACH * self._shape.far_m
             others = [self._tree.query(shapely.Point(point), "dwithin", reach_m)]
-            for part in np.flatnonzero(self._is_in[:, node]):
+            for part in np.flatnonzero(self.is_in[:, node]):
                 seen = [at for at, _ in self._graphs[part].seen_from(point)]
                 others.append(self._first[part] + np.array(seen, np.int64))
-                others.append(np.flatnonzero(self._is_in[part, : self.GOAL + 1]))
+                others.append(np.flatnonzero(self.is_in[part, : self._ends]))
             self._legs[node] = self._free_legs(node, np.concatenate(others))
         return self._legs[node]
 
@@ -243,42 +283,60 @@ class _Roadmap:
         headings = _headings(np.arctan2(way[:, 1], way[:, 0]))
         return others[free], np.hypot(*way.T), headings
 
-    def _shortest(
-        self, legs_from: Callable[[int], Legs], first: int | None, last: int | None
-    ) -> tuple[list[int] | None, list[int]]:
-        """A* over states: the places of the shortest way, if there is one, and all reached."""
-        to_go = np.hypot(*(self.points - self.points[self.GOAL]).T)
-        begin = self.START, self.ANY if first is None else int(self._arcs[self.START, first])
-        end = self.GOAL, self.ANY if last is None else int(self._arcs[self.GOAL, last])
-        cost = np.full((len(self.points), int(self._arcs.max()) + 1 - self.ANY), math.inf)
-        cost[begin] = 0.0
-        came_from, done = dict[State, State](), set[State]()
-        heap = [(float(to_go[self.START]), begin)]
+
+class _Search:
+    """Shortest ways over states from one place: A* to another one, or Dijkstra's to all."""
+
+    ANY = -2  # number of an arc: any heading may be had; it stands last in rows of arcs
+
+    def __init__(
+        self, roadmap: Roadmap, legs_from: Callable[[int], Legs], start: int, goal: int | None,
+        first: int | None, last: int | None,
+    ) -> None:  # fmt: skip
+        points, of = roadmap.points, roadmap.arcs
+        to_go = np.zeros(len(points)) if goal is None else np.hypot(*(points - points[goal]).T)
+        begin = start, self.ANY if first is None else int(of[start, first])
+        end = self._end = goal, self.ANY if None in (goal, last) else int(of[goal, last])
+        self._cost = np.full((len(points), int(of.max()) + 1 - self.ANY), math.inf)
+        self._cost[begin] = 0.0
+        self._came_from, self._done = dict[State, State](), set[State]()
+        heap = [(float(to_go[start]), begin)]
         while heap:
             _, state = heapq.heappop(heap)
-            if state in done:
+            if state in self._done:
                 continue
-            done.add(state)
+            self._done.add(state)
             if state == end:
                 break
             node, arc = state
             others, far, headings = legs_from(node)
-            arcs = self._arcs[others, headings]
+            arcs = of[others, headings]
             if last is None:
-                arcs[others == self.GOAL] = self.ANY
-            costs = cost[state] + far + CORNER_M
-            may_go = (arc == self.ANY) | (self._arcs[node, headings] == arc)
-            for k in np.flatnonzero(may_go & (arcs != -1) & (costs < cost[others, arcs])):
+                arcs[others == goal] = self.ANY
+            costs = self._cost[state] + far + CORNER_M
+            may_go = (arc == self.ANY) | (of[node, headings] == arc)
+            is_better = may_go & (arcs != -1) & (costs < self._cost[others, arcs])
+            for k in np.flatnonzero(is_better):
                 there = int(others[k]), int(arcs[k])
-                cost[there], came_from[there] = costs[k], state
+                self._cost[there], self._came_from[there] = costs[k], state
                 heapq.heappush(heap, (float(costs[k] + to_go[there[0]]), there))
-        reached = sorted({node for node, _ in done})
-        if end not in done:
-            return None, reached
-        states = [end]
-        while states[-1] in came_from:
-            states.append(came_from[states[-1]])
-        return [node for node, _ in states[::-1]], reached
+
+    def reached(self) -> list[int]:
+        """All places to which there is a way."""
+        return sorted({node for node, _ in self._done})
+
+    def nodes_to(self, goal: int) -> list[int] | None:
+        """The places of the shortest way there, if there is one."""
+        state = self._end
+        if goal != state[0]:  # of a search for all
+            arc = int(np.argmin(self._cost[goal]))
+            state = goal, arc if arc < self._cost.shape[1] + self.ANY else self.ANY
+        if state not in self._done:
+            return None
+        states = [state]
+        while states[-1] in self._came_from:
+            states.append(self._came_from[states[-1]])
+        return [node for node, _ in states[::-1]]
 
 
 def places_in_passages(

@@ -27,7 +27,11 @@ class Way:
     """From start to goal."""
 
     points: F64  # (n, 2) m, both ends with it
-    length_m: float
+    turns_rad: F64  # (n - 2,) on the spot at each corner, to the left
+
+    @property
+    def length_m(self) -> float:
+        return length_of(self.points)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +92,13 @@ def find_way(floor: BaseGeometry, margin_m: float, start: Point, goal: Point) ->
         return _gap(free, margin_m, start, goal)
     points = VisibilityGraph(homes[0]).way(np.array(start), np.array(goal))
     assert points is not None  # one connected polygon
-    return Way(points, length_of(points))
+    return Way(points, turns_along(points))
+
+
+def turns_along(points: F64) -> F64:
+    """(n - 2,) rad to the left at the corners of a line (n, 2), the shorter way round."""
+    looks = np.arctan2(*np.diff(points, axis=0).T[::-1])
+    return np.asarray((np.diff(looks) + math.pi) % (2 * math.pi) - math.pi)
 
 
 def _enough_m(margin_m: float) -> float:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.geometry.shaped_ways import NoFit, Shape, find_shaped_way
+from core.paths.geometry.shaped_ways import NoFit, Shape, find_shaped_way, off_floor_m2
 from core.paths.geometry.space import FloorError, narrowed, polygons_in
 from core.paths.geometry.ways import NoWay, Way, find_way
 from core.records import F64
@@ -37,24 +37,23 @@ def bend(wide_m: float) -> BaseGeometry:
     return shapely.union_all([*rooms, along, shapely.box(10 - wide_m, -2, 10, 3 + wide_m)])
 
 
-def is_driven(points: F64, corners: Corners, floor: BaseGeometry) -> bool:
+def is_driven(way: Way, corners: Corners, floor: BaseGeometry) -> bool:
     """Whether the machine stays on the floor, by a slow and obvious model: degree by degree."""
     hull = shapely.MultiPoint([*corners, (0, 0)]).convex_hull
     loose = floor.buffer(1e-6)
-    steps = np.diff(points, axis=0)
+    steps = np.diff(way.points, axis=0)
     looks = np.degrees(np.arctan2(steps[:, 1], steps[:, 0]))
 
     def at(place: F64, look: float) -> BaseGeometry:
         return affinity.translate(affinity.rotate(hull, look, (0, 0)), *place)
 
-    for look, a, b in zip(looks, points[:-1], points[1:], strict=True):
+    for look, a, b in zip(looks, way.points[:-1], way.points[1:], strict=True):
         if not loose.covers(at(a, look).union(at(b, look)).convex_hull):
             return False
-    for place, before, after in zip(points[1:-1], looks[:-1], looks[1:], strict=True):
-        left = (after - before) % 360
-        both = np.arange(0.0, left), np.arange(0.0, 360 - left)
-        ways = [before + both[0], before - both[1]]
-        if not any(all(loose.covers(at(place, look)) for look in way) for way in ways):
+    turns = np.degrees(way.turns_rad)
+    assert np.cos(way.turns_rad) == pytest.approx(np.cos(np.radians(np.diff(looks))))
+    for place, look, turn in zip(way.points[1:-1], looks[:-1], turns, strict=True):
+        if not all(loose.covers(at(place, look + d)) for d in np.linspace(0, turn, 200)):
             return False
     return True
 
@@ -69,7 +68,7 @@ def test_a_passage_is_taken_that_is_hardly_wider_than_the_machine(
         floor = two_rooms(door_m, wall_m)
         found = find_shaped_way(floor, Shape(corners, 0.0), (1.2, 1.2), (6.8 + wall_m, 1.2))
         assert isinstance(found, Way), door_m
-        assert is_driven(found.points, corners, floor)
+        assert is_driven(found, corners, floor)
 
 
 def test_a_passage_that_is_narrower_is_none_and_clearance_counts() -> None:
@@ -98,11 +97,12 @@ def test_a_way_fits_and_lies_between_those_of_the_discs_within_and_around(seed: 
     if isinstance(within, NoWay):
         assert found == within
     if isinstance(found, Way):
+        assert off_floor_m2(floor, shape, found) < 1e-6
         assert isinstance(within, Way)
         assert within.length_m - 1e-9 <= found.length_m
         assert found.points[0] == pytest.approx(start)
         assert found.points[-1] == pytest.approx(goal)
-        assert is_driven(found.points, SMALL, floor)
+        assert is_driven(found, SMALL, floor)
 
 
 def test_it_turns_bit_by_bit_through_a_labyrinth_that_has_no_room_for_a_turn() -> None:
@@ -113,7 +113,7 @@ def test_it_turns_bit_by_bit_through_a_labyrinth_that_has_no_room_for_a_turn() -
     floor = shapely.box(0, 0, 10, 7).difference(shapely.union_all(walls))
     found = find_shaped_way(floor, Shape(LONG, 0.0), (1, 1), (9, 1))
     assert isinstance(found, Way)
-    assert is_driven(found.points, LONG, floor)
+    assert is_driven(found, LONG, floor)
 
 
 def test_a_corridor_whose_bend_it_cannot_turn_in_is_told_with_the_place() -> None:
@@ -123,7 +123,7 @@ def test_a_corridor_whose_bend_it_cannot_turn_in_is_told_with_the_place() -> Non
     """
     wide = find_shaped_way(bend(1.1), Shape(LONG, 0.0), (1, 1), (7, -3))
     assert isinstance(wide, Way)
-    assert is_driven(wide.points, LONG, bend(1.1))
+    assert is_driven(wide, LONG, bend(1.1))
     narrow = find_shaped_way(bend(0.8), Shape(LONG, 0.0), (1, 1), (7, -3))
     assert isinstance(narrow, NoFit)
     assert math.dist(narrow.place, (9.6, 3.4)) < 0.6
@@ -145,6 +145,20 @@ def test_a_heading_at_an_end_is_kept() -> None:
     across = find_shaped_way(floor, shape, (6, 3.5), (7, -3), math.pi / 2)
     assert isinstance(across, NoFit)
     assert across.describe() == "start: at 6,3.5 the machine does not fit at 90 deg"
+
+
+def test_a_turn_that_a_wall_bars_is_told_as_the_longer_way_round() -> None:
+    """It comes at -10 deg and leaves at -170: its nose goes round by the side without a wall."""
+    corners: Corners = [(0.9, 0.3), (-0.1, 0.3), (-0.1, -0.3), (0.9, -0.3)]
+    far = [(-4 * math.cos(a), 4 * math.sin(a)) for a in (math.radians(10), math.radians(-10))]
+    arms = [shapely.LineString([(0, 0), end]).buffer(0.36) for end in far]
+    round_it = shapely.Point(0, 0).buffer(1.4).intersection(shapely.box(-0.8, -0.6, 2, 2))
+    floor = shapely.union_all([*arms, round_it])
+    ends = [(0.75 * x, 0.75 * y) for x, y in far]
+    found = find_shaped_way(floor, Shape(corners, 0.0), ends[0], ends[1])
+    assert isinstance(found, Way)
+    assert is_driven(found, corners, floor)
+    assert np.degrees(found.turns_rad).max() > 180
 
 
 def test_a_footprint_without_area_is_refused() -> None:

@@ -27,7 +27,8 @@ from core.paths.cleaning.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
-from core.paths.cleaning.seen_floor import MOST, Doubt, SeenFloor, SweptFloor
+from core.paths.cleaning.seen_floor import MOST, Doubt, SeenFloor
+from core.paths.cleaning.swept_floor import SweptFloor
 from core.paths.cleaning.things import Thing, outlines
 from core.paths.coverage.plan import FIRST, LAST, plan_coverage, space_at
 from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in

@@ -14,7 +14,8 @@ import shapely
 from shapely import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.cleaning.seen_floor import Mask, SeenFloor
+from core.paths.cleaning.floor_cells import Mask
+from core.paths.cleaning.seen_floor import SeenFloor
 from core.records import F64
 from jit import allocating_kernel
 

@@ -252,7 +252,7 @@ def test_much_floor_that_is_parted_off_is_waited_for_before_it_goes_home() -> No
     machine.jump((0.0, 0.0, 0.0), False)
     whole = shapely.get_coordinates(ROOM.exterior)[:-1]
     machine.cleaning.floor.vouch(whole)
-    machine.cleaning.clean.vouch(whole)
+    machine.cleaning.clean.add(whole)
     people = [*machine.known, new_thing(shapely.box(1.0, -1.5, 1.1, 2.8))]
     task = machine.cleaning.plan(machine.place, people, may_look=False)
     assert (task.goal, task.why) == ("look", "floor that was seen is parted off")
@@ -283,7 +283,7 @@ def test_looks_that_win_nothing_end_and_it_goes_home() -> None:
     most = LOOKS * len(cleaning.frontiers(machine.known)) + SETTINGS.tries
     while goals[-1] in ("look", "sweep") and len(goals) < most:
         goals.append(cleaning.plan((0.0, 0.0, 0.0), machine.known, may_look=True).goal)
-        cleaning.clean.vouch(shapely.get_coordinates(ROOM.exterior)[:-1])
+        cleaning.clean.add(shapely.get_coordinates(ROOM.exterior)[:-1])
     assert goals[1] == "look"
     assert goals[-1] == "home"
 

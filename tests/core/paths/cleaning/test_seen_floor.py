@@ -3,7 +3,8 @@
 import numpy as np
 import shapely
 
-from core.paths.cleaning.seen_floor import SeenFloor, SweptFloor
+from core.paths.cleaning.seen_floor import SeenFloor
+from core.paths.cleaning.swept_floor import SweptFloor
 
 CELL_M, LEAST = 0.05, 2
 random = np.random.default_rng(5)

@@ -325,6 +325,11 @@ def _check_together(config: Config) -> None:
             f"certainty.free_from: must be at most certainty.most = {config.certainty.most}, "
             f"is {config.certainty.free_from}"
         )
+    if config.certainty is not None and config.certainty.cas_certainty >= config.certainty.most:
+        raise ConfigError(
+            f"certainty.cas_certainty: must be less than certainty.most = {config.certainty.most}, "
+            f"is {config.certainty.cas_certainty}: no cell would be certain"
+        )
     _check_paths(config)
     for key, ports in (("planner", config.planner.ports), ("modbus", config.modbus.ports)):
         if len(set(ports)) < len(ports):

@@ -152,6 +152,7 @@ def test_paths_are_planned_for_who_has_a_camera_and_for_a_disc_that_holds_the_ma
         ("coverage", "overlap_m", 0.5, "at most 0.8 of width_m = 0.6, is 0.5"),
         ("coverage", "tries", 0, "from 1 to 1000, is 0"),
         ("certainty", "free_from", 51, "at most certainty.most = 50, is 51"),
+        ("certainty", "cas_certainty", 50, "less than certainty.most = 50, is 50"),
         ("obstacle", "soft_free_below_m", 0.3, "two echoes of a beam"),
         ("obstacle", "h_neg_m", 0.1, "is 0.1"),
         ("obstacle", "window_cells", 103, "at most map.cells = 101, is 103"),

@@ -41,8 +41,9 @@ def targets_in(path: Path) -> list[Target]:
 
 
 def _rows(path: Path, table: "csv.DictReader[str]") -> list[tuple[float, float]]:
-    if not {TRUE, READ} <= set(table.fieldnames or ()):
-        raise ReadingsError(f"{path}: must begin with a line that names {TRUE} and {READ}")
+    names = list(table.fieldnames or ())
+    if names.count(TRUE) != 1 or names.count(READ) != 1:
+        raise ReadingsError(f"{path}: must begin with a line that names {TRUE} and {READ} once")
     return [(_length_m(path, table, TRUE, row), _length_m(path, table, READ, row)) for row in table]
 
 

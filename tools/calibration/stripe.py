@@ -97,8 +97,9 @@ def boards_in(path: Path, options: StripeOptions) -> list[Board]:
 def _rows(path: Path, lines: Sequence[str]) -> list[tuple[str, float]]:
     reader = csv.DictReader(lines, skipinitialspace=True)
     try:
-        if not {FILE, TRUE} <= set(reader.fieldnames or ()):
-            raise PicturesError(f"{path}: needs the columns {FILE},{TRUE}")
+        names = list(reader.fieldnames or ())
+        if names.count(FILE) != 1 or names.count(TRUE) != 1:
+            raise PicturesError(f"{path}: needs the columns {FILE},{TRUE}, each once")
         return [_row(f"{path}: line {reader.line_num}", row) for row in reader]
     except csv.Error as error:
         raise PicturesError(f"{path}: line {reader.line_num + 1}: {error}") from None

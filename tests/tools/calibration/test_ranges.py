@@ -136,6 +136,7 @@ def test_rows_of_one_distance_are_scans_of_one_target(tmp_path: Path) -> None:
     [
         ("", "must begin with a line that names true_m and read_m"),
         ("true_m;read_m\n1;1\n", "must begin with a line"),
+        ("true_m,read_m,read_m\n1,1,2\n", "names true_m and read_m once"),
         ("true_m,read_m\n1,1.0\n2,\n", r"line 3: read_m must be metres above 0 to 100, is ''"),
         ("true_m,read_m\n1\n", r"line 2: read_m must be .* is None"),
         ("true_m,read_m\n-1,1\n", r"line 2: true_m must be .* is '-1'"),

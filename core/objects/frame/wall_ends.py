@@ -99,18 +99,21 @@ def grow(
 
 
 @kernel
-def _take_runs(bins: I32, tall: F32, width_m: float, height_m: float) -> int:
+def _take_runs(bins: I32, tall: F32, width_m: float, height_m: float, lens_at: int) -> int:
     """Mark the bins of runs that are pieces of a wall: how many bins.
 
     A run has gaps of a bin at most, and nothing that stands out of it, also beside its ends, but
-    end faces; half of its bins are filled over the height.
+    the end face on the lens's side, which is before bin `lens_at`: what shows both its flanks is
+    round. Half of its bins are filled over the height.
     """
     taken, first, last, high, is_clear = 0, -1, -3, 0, True
     for at in range(BINS + 3):
         flags = bins[at] if at < BINS else 0
         if first >= 0 and at - last > 2:
             count = last + 1 - first
-            for k in range(first + FACE_BINS, last + 1 - FACE_BINS):
+            begin = first + FACE_BINS if lens_at < first else first
+            behind = last + 1 - FACE_BINS if lens_at > last else last + 1
+            for k in range(begin, behind):
                 is_clear = is_clear and bins[k] & BEHIND == 0
             if is_clear and count * width_m >= PIECE_M and 2 * high >= count:
                 for k in range(first, last + 1):
@@ -145,6 +148,8 @@ def take_further(
         ux, uy, gap_m = ux / length, uy / length, max(gaps_m[k, 0], gaps_m[k, 1])
         lens_m = uy * (walls[k, 0] - offset[0]) - ux * (walls[k, 1] - offset[1])
         per_bin, middle = 2.0 / gap_m, 0.5 * (BINS - 2.0 * length / gap_m)
+        lens_along = ux * (offset[0] - walls[k, 0]) + uy * (offset[1] - walls[k, 1])
+        lens_at = math.floor(per_bin * lens_along + middle)
         for turn in range(2):
             if turn == 0:
                 bins[:] = 0
@@ -172,13 +177,13 @@ def take_further(
             if turn == 0:
                 for at in range(BINS):
                     tall[at] -= low[at]
-                if _take_runs(bins, tall, 0.5 * gap_m, height_m) == 0:
+                if _take_runs(bins, tall, 0.5 * gap_m, height_m, lens_at) == 0:
                     break
 
 
 @releasing_kernel
 def take_end_faces(voxels: Voxels, count: int, walls: F64, within_m: float, used: I32) -> None:
-    """Mark what is seen behind a wall's line right at its end: door jambs.
+    """Mark what is seen behind a wall's line right at an end that turns to the lens: door jambs.
 
     Args:
         walls: (n, 4) segments as this frame saw them, level frame; the lens is over its origin.
@@ -192,9 +197,11 @@ def take_end_faces(voxels: Voxels, count: int, walls: F64, within_m: float, used
         if abs(lens_m) <= within_m:
             continue  # along its line neither side is before it
         ux, uy, behind = ux / length, uy / length, -1.0 if lens_m > 0.0 else 1.0
+        lens_along, near_m = -(ux * ax + uy * ay), 2.0 * within_m
         for v in range(count):
             dx, dy = voxels.x[v] - ax, voxels.y[v] - ay
             along, deep = ux * dx + uy * dy, behind * (ux * dy - uy * dx)
-            off = min(abs(along), abs(along - length))
-            if used[v] == 0 and 0.0 < deep <= THICK_M and off <= 2.0 * within_m:
+            is_first = abs(along) <= near_m and lens_along < near_m
+            is_last = abs(along - length) <= near_m and lens_along > length - near_m
+            if used[v] == 0 and 0.0 < deep <= THICK_M and (is_first or is_last):
                 used[v] = 1

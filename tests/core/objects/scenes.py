@@ -39,6 +39,13 @@ class Box:
         return np.asarray(local @ np.array([[c, s], [-s, c]]) + [self.x_m, self.y_m])
 
 
+def column(x_m: float, y_m: float, radius_m: float, high_m: float) -> tuple[Box, ...]:
+    """Upright and nearly round, of boxes."""
+    long, wide = (2.0 * radius_m * of(math.pi / 16) for of in (math.cos, math.sin))
+    yaws = [k * math.pi / 8 for k in range(8)]
+    return tuple(Box(x_m, y_m, long, wide, 0.0, high_m, yaw) for yaw in yaws)
+
+
 @dataclass(frozen=True)
 class Scene:
     """Boxes over a floor, and places where floor is missing."""

@@ -32,6 +32,7 @@ from tests.core.objects.scenes import (
     Box,
     Scene,
     camera,
+    column,
     image,
     met,
     placed,
@@ -336,6 +337,24 @@ def test_on_a_walls_line_a_further_piece_is_wall_and_what_stands_out_of_it_is_no
     assert bool(told.detections) == (thick_m > 0.1)
     ends = told.walls[:, [1, 3]]
     assert ends.min() == pytest.approx(-0.8 if thick_m == 0.1 else 0.7, abs=0.06)
+
+
+@pytest.mark.parametrize("into_m", [0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.24])
+@pytest.mark.parametrize("aside_m", [-0.3, 0.0, 0.3])
+@pytest.mark.parametrize("at_m", [-1.2, 0.0, 1.2])
+def test_somebody_in_a_door_is_no_piece_of_its_wall(
+    into_m: float, aside_m: float, at_m: float
+) -> None:
+    """Both his flanks are seen behind the wall's line: a piece of wall shows one end at most."""
+    ends = (0.7, 4.7), (-0.7, -4.7)
+    walls = tuple(Box(3.1, (a + b) / 2, 0.2, abs(b - a), 0.0, 1.1) for a, b in ends)
+    known = np.array([[x, a, x, b] for x in (3.0, 3.2) for a, b in ends])
+    body = column(3.1 + into_m, aside_m, 0.22, 1.2)
+    yaw_deg = math.degrees(math.atan2(aside_m - at_m, 2.0))
+    place = placed(0.7, 15.0, yaw_deg=yaw_deg, x_m=1.1, y_m=at_m)
+    told = found(Scene((*walls, *body)), place, walls=known).objects
+    middle = shapely.Point(3.1 + into_m, aside_m)
+    assert any(shapely.Polygon(one.polygon).dwithin(middle, 0.25) for one in told.detections)
 
 
 @pytest.mark.parametrize("known", [NO_WALLS, np.array([[2.0, -2.5, 2.0, 2.5]])])

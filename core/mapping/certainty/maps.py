@@ -283,9 +283,9 @@ class CertaintyMaps:
 
         return (self.grid, told) if name in (*HEIGHTS, *JUDGED) else None
 
-    def maybe_ground_grid(self) -> RingGrid:
-        """That of the cells."""
-        return self.grid
+    def maybe_ground(self) -> "CertaintyMaps":
+        """Itself: its heights are all of one frame."""
+        return self
 
     def ground_at(self, at: I64) -> Ground:
         """Heights that were read, at flat indices (n,), without the fill."""

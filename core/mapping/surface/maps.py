@@ -18,7 +18,6 @@ from core.grid.touched import Touched
 from core.grid.window import ObstacleWindow, Shown
 from core.mapping import along, layers
 from core.mapping.body import BodyPose, Sway, body_pose_at
-from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.heights.told import Heights
 from core.mapping.heights.upper import BLANK_UPPER, NO_UPPERS, UPPER, see_uppers
@@ -255,17 +254,8 @@ class SurfaceMaps:
         """A layer by its name; none where there is none."""
         return self._heights.maybe_ring(name)
 
-    def maybe_ground_grid(self) -> RingGrid:
-        """That of the cells."""
-        return self.grid
-
-    def ground_at(self, at: I64) -> Ground:
-        """What feet may stand on, at flat indices (n,)."""
-        return self._heights.ground_at(at)
-
-    def filled_at(self, at: I64) -> Ground:
-        """The same, and there what lies around tells of cells that were not measured."""
-        return self._heights.filled_at(at)
+    def maybe_ground(self) -> Heights:
+        return self._heights
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """What was counted in a world cell, by what it counts."""

@@ -206,7 +206,7 @@ class SurfaceMaps:
         if not self._anchored:
             seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]
             self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > WITNESSES
-        self._faces.set_right(rays, first.returns["height_m"], body, odometry, is_sure=True)
+        self._faces.set_right(rays, first.returns["height_m"], body, odometry)
         self.fresh.expire(window)
         return count
 

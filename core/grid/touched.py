@@ -30,6 +30,6 @@ def touch(at: int, touched: Touched) -> int:
     used, slot = touched.used[0], touched.slots[at]
     if slot < used and touched.at[slot] == at:
         return int(slot)
-    touched.slots[at], touched.at[used], touched.bits[used] = used, at, 0
+    touched.slots[at], touched.at[used], touched.bits[used], touched.said[used] = used, at, 0, 0.0
     touched.used[0] = used + 1
     return int(used)

@@ -20,6 +20,9 @@ class BodyPose(NamedTuple):
     t_s: float = math.nan
 
 
+AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
+
+
 @kernel
 def in_body(x: float, y: float, body: BodyPose) -> tuple[float, float]:
     """How far a point of the map lies ahead and aside of the robot."""
@@ -44,14 +47,16 @@ class Sway:
     A body that leant otherwise over what is uneven was lifted by it.
     """
 
-    def __init__(self, late_s: float) -> None:
-        self.slopes, self._off, self._late_s = (math.nan, math.nan), 0.0, late_s
+    def __init__(self, late_s: float, arm_m: float) -> None:
+        """arm_m: the lever by which it is lifted."""
+        self.slopes, self._off = (math.nan, math.nan), 0.0
+        self._late_s, self._arm_m = late_s, arm_m
 
     def follow(self, passed_s: float, slopes: tuple[float, float]) -> float:
-        """The body's own slopes now; by how much they are off that mean, or were lately."""
+        """The body's own slopes now; how far it is lifted as they are off, or were lately."""
         share = 1.0 - math.exp(-passed_s / self._late_s)
         (ax, ay), (bx, by) = slopes if math.isnan(self.slopes[0]) else self.slopes, slopes
         self.slopes = (ax + share * (bx - ax), ay + share * (by - ay))
         off = math.hypot(bx - self.slopes[0], by - self.slopes[1])
         self._off = max(off, (1.0 - share) * self._off)
-        return self._off
+        return self._arm_m * self._off

@@ -15,11 +15,9 @@ from msgspec.structs import replace
 
 from core.config import Config
 from core.device_settings import Scanner
-from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow, Shown, put_state
 from core.mapping import causes
-from core.mapping.footing import Ground
-from core.mapping.layers import RingLayer
+from core.mapping.layers import GroundSource, RingLayer
 from core.mapping.method import Maps
 from core.mapping.rays import check_sweep, span_s
 from core.mapping.surface.maps import SurfaceMaps
@@ -193,17 +191,9 @@ class CombinedMaps:
         """A layer of the scanner's map."""
         return self.scanned.maybe_ring(name)
 
-    def maybe_ground_grid(self) -> RingGrid | None:
-        """That of the scanner's map."""
-        return self.scanned.maybe_ground_grid()
-
-    def ground_at(self, at: I64) -> Ground:
-        """Of the scanner's map, at flat indices (n,)."""
-        return self.scanned.ground_at(at)
-
-    def filled_at(self, at: I64) -> Ground:
+    def maybe_ground(self) -> GroundSource | None:
         """Likewise."""
-        return self.scanned.filled_at(at)
+        return self.scanned.maybe_ground()
 
     def causes(self, i: I64, j: I64) -> F64:
         """Codes (n,): the scanner's where it says the same, else the camera's."""

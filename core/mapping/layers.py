@@ -79,6 +79,18 @@ def view_of(name: str, grid: RingGrid, pick: Pick) -> LayerView:
     return LayerView(name, values, grid.corner_i, grid.corner_j, grid.cell_m)
 
 
+class GroundSource(Protocol):
+    """Heights of one frame that feet may stand on, at flat indices (n,) of a grid; else NaN."""
+
+    @property
+    def grid(self) -> RingGrid: ...
+
+    def ground_at(self, at: I64) -> Ground: ...
+
+    def filled_at(self, at: I64) -> Ground:
+        """The same, and what was filled in at those cells, if the method tells how surely."""
+
+
 class Layered(Protocol):
     """A map of which layers can be told."""
 
@@ -86,11 +98,7 @@ class Layered(Protocol):
 
     def maybe_ring(self, name: str) -> RingLayer | None: ...
 
-    def maybe_ground_grid(self) -> RingGrid | None: ...
-
-    def ground_at(self, at: I64) -> Ground: ...
-
-    def filled_at(self, at: I64) -> Ground: ...
+    def maybe_ground(self) -> GroundSource | None: ...
 
     def causes(self, i: I64, j: I64) -> F64: ...
 
@@ -105,33 +113,34 @@ def _maybe_ring(maps: Layered, name: str) -> RingLayer | None:
 
 
 def _maybe_footing(maps: Layered, name: str, footing: Footing) -> RingLayer | None:
-    grid = maps.maybe_ground_grid()
-    if grid is None:
+    source = maps.maybe_ground()
+    if source is None:
         return None
+    grid = source.grid
 
     def told(at: I64) -> F64:
         if name == "edge":
-            ground = maps.ground_at(cells_within(grid, at, footing.reach_m))
+            ground = source.ground_at(cells_within(grid, at, footing.reach_m))
         else:
-            ground = maps.filled_at(cells_within(grid, at, footing.radius_m + grid.cell_m))
+            ground = source.filled_at(cells_within(grid, at, footing.radius_m + grid.cell_m))
         return footing_of(name, ground, at, footing)
 
     return grid, told
 
 
 def _maybe_filled(maps: Layered, name: str) -> RingLayer | None:
-    grid, z, variance = maps.maybe_ground_grid(), maps.maybe_ring("z"), maps.maybe_ring("variance")
-    if grid is None or z is None or variance is None:
+    source, z, variance = maps.maybe_ground(), maps.maybe_ring("z"), maps.maybe_ring("variance")
+    if source is None or z is None or variance is None:
         return None
 
     def told(at: I64) -> F64:
-        ground = maps.filled_at(at)
+        ground = source.filled_at(at)
         filled = {"filled": ground.z_m, "filled_sigma": ground.sigma_m}[name].ravel()[at]
         is_filled, is_told = ground.sigma_m.ravel()[at] > 0.0, ~np.isnan(ground.z_m.ravel()[at])
         measured = z[1](at) if name == "filled" else np.sqrt(variance[1](at))
         return np.where(is_filled, filled, np.where(is_told, measured, np.nan))
 
-    return grid, told
+    return source.grid, told
 
 
 def _maybe_any(maps: Layered, name: str, footing: Footing) -> RingLayer | None:

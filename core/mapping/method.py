@@ -4,12 +4,10 @@ from typing import Protocol
 
 import numpy as np
 
-from core.grid.ring import RingGrid
 from core.grid.window import ObstacleWindow
 from core.mapping.causes import LOW_GROUND
-from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
-from core.mapping.layers import RingLayer
+from core.mapping.layers import GroundSource, RingLayer
 from core.motion.attitude import AttitudeRing
 from core.motion.track import Track
 from core.records import F64, I64, PointSweep, Scan
@@ -38,14 +36,8 @@ class Maps(Protocol):
         NaN: not known.
         """
 
-    def maybe_ground_grid(self) -> RingGrid | None:
-        """Of heights that feet may stand on; none where the method has none of one frame."""
-
-    def ground_at(self, at: I64) -> Ground:
-        """Those heights at flat indices (n,) of that grid; NaN elsewhere."""
-
-    def filled_at(self, at: I64) -> Ground:
-        """The same, and at those cells what was filled in, if the method tells how surely."""
+    def maybe_ground(self) -> GroundSource | None:
+        """Heights that feet may stand on; none where the method has none of one frame."""
 
     def causes(self, i: I64, j: I64) -> F64:
         """Codes (n,) of `core.mapping.causes`: why the window shows what it does at world cells."""

@@ -136,9 +136,7 @@ class FaceMatcher:
         """Forget what they told; the grid forgets the faces."""
         self._slip.restart()
 
-    def set_right(
-        self, sweep: Sweep, heights_m: F64, body: BodyPose, odometry: Track, *, is_sure: bool
-    ) -> None:
+    def set_right(self, sweep: Sweep, heights_m: F64, body: BodyPose, odometry: Track) -> None:
         """Take slip along the way out of the place, if enough of a sweep has shown it for a while.
 
         The sweep adds to the faces. heights_m (n,): of its first returns, over the ground.
@@ -149,7 +147,7 @@ class FaceMatcher:
         (hx, hy), (x_m, y_m) = body.heading, odometry.corrected_m.tolist()
         corrected_m = hx * x_m + hy * y_m
         slipped_m = self._slip.maybe_slipped_m(body.travel_m, offset_m, corrected_m)
-        if slipped_m is not None and is_sure and abs(odometry.w_radps) < STRAIGHT_RADPS:
+        if slipped_m is not None and abs(odometry.w_radps) < STRAIGHT_RADPS:
             odometry.correct_slip(body.heading, slipped_m)
 
     def maybe_offset_m(self, sweep: Sweep, heights_m: F64, body: BodyPose) -> float | None:

@@ -17,7 +17,7 @@ from core.grid.ring import RingGrid
 from core.grid.touched import Touched
 from core.grid.window import ObstacleWindow, Shown
 from core.mapping import layers
-from core.mapping.body import BodyPose, body_pose_at
+from core.mapping.body import AT_START, BodyPose, body_pose_at
 from core.mapping.certainty import scans
 from core.mapping.certainty.cas import heights_at, mark
 from core.mapping.certainty.cells import Cells, Pass, Rules, gather, update, widen
@@ -33,7 +33,6 @@ from core.motion.track import Track
 from core.records import F64, I32, I64, U8, PointSweep, Scan
 from jit import Settled, kernel
 
-AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
 HEIGHTS = ("z", "height")
 
 
@@ -283,9 +282,9 @@ class CertaintyMaps:
 
         return (self.grid, told) if name in (*HEIGHTS, *JUDGED) else None
 
-    def maybe_ground_grid(self) -> RingGrid:
-        """That of the cells."""
-        return self.grid
+    def maybe_ground(self) -> "CertaintyMaps":
+        """Itself: its heights are all of one frame."""
+        return self
 
     def ground_at(self, at: I64) -> Ground:
         """Heights that were read, at flat indices (n,), without the fill."""

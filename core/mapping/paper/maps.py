@@ -16,7 +16,6 @@ from core.config import Config
 from core.grid.window import ObstacleWindow
 from core.mapping import causes
 from core.mapping.causes import AGED, BEYOND_METHOD, EARLIER_RUN, OUTSIDE, UNSEEN
-from core.mapping.footing import Ground
 from core.mapping.freshness import Freshness
 from core.mapping.layers import RingLayer, at_cells
 from core.mapping.paper.grid import centre_of, index_of, rule_of, state_of
@@ -218,14 +217,8 @@ class ReferencePlaneMaps:
 
         return (self.window.grid, heights_m) if name == "height" else None
 
-    def maybe_ground_grid(self) -> None:
+    def maybe_ground(self) -> None:
         """None: heights of different references can't be compared."""
-
-    def ground_at(self, at: I64) -> Ground:
-        raise NotImplementedError("there is none")
-
-    def filled_at(self, at: I64) -> Ground:
-        raise NotImplementedError("there is none")
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
         """Nothing that is not in its layers."""

@@ -1,9 +1,7 @@
 """What method `surface` keeps of a cell, and its model of terrain: ground by that around it.
 
-Heights are of the map frame, as the sweep's fast error left them. What is always wrong with the
-attitude, s = (pitch, roll), is taken out when they are read (`ground_of`), so that a better s mends
-all the map. Where no ground was measured it is a plane through that nearby, the surer the nearer:
-terrain departs from its tangent plane as an integrated random walk does (`grown`).
+    ground = ground_m - s_p arm_m - s_r aside_m     s: what the attitude is always off by
+    var(d) = var + BEND^2 d min(CARRY_M, d)         of ground d metres from where it is known
 
 Source: docs/method.md, section 2; Kalman elevation cells, Fankhauser et al. 2014.
 """
@@ -65,8 +63,9 @@ PLANE = np.dtype(
     ]
 )
 STATES = 5  # of a sweep's error: height, pitch, roll; pitch and roll always
-# scans, and echoes of all, held against the ground; height on which the robot stands
-NOW = np.dtype([("scan", np.int64), ("held", np.int64), ("wheels_m", np.float64)])
+# scans, and echoes of all, held against the ground; 1 once some of it is tied to that under the
+# wheels; height on which the robot stands
+NOW = np.dtype([*fields(np.int64, "scan held anchored"), ("wheels_m", np.float64)])
 
 
 class Limits(NamedTuple):
@@ -76,8 +75,7 @@ class Limits(NamedTuple):
     h_neg_m: float
     height_m: float  # of the robot
     soft_m: float  # so high, soft things may be free; 0: never
-    guess_m2: float  # variance of ground that is a guess,
-    expected_m: float  # which it is so far from where it is known
+    guess_m2: float  # variance of ground that is a guess
     sure_m2: float  # ground less sure is set by what most returns agree on
     wheels_m2: float  # most variance of the plane on which the robot stands
     floor_says: float  # vote of floor where nothing stands
@@ -107,12 +105,8 @@ class Room(NamedTuple):
     def none(cls) -> "Room":
         """With nothing in it."""
         planes, places = records(PLANE, PLANES * PLANES), np.zeros(MOST_PLACES, np.int32)
-        told, P, (gone, h) = (
-            Information.of(STATES),
-            np.zeros((STATES, STATES)),
-            np.zeros((2, STATES)),
-        )
-        return cls(planes, told, P, gone, h, np.zeros(BINS), places)
+        told, (gone, h) = Information.of(STATES), np.zeros((2, STATES))
+        return cls(planes, told, np.zeros((STATES, STATES)), gone, h, np.zeros(BINS), places)
 
 
 class Surface(NamedTuple):
@@ -168,11 +162,10 @@ def grown(var: float, far_m: float) -> float:
 
 
 @kernel
-def plane_of(
-    z: float, slope_x: float, slope_y: float, var: float, seen_s: float, tied: int, is_before: bool
-) -> Plane:
-    """A plane by numbers of a cell, which have fewer bits."""
-    return Plane(z, slope_x, slope_y, var, seen_s, tied, is_before)
+def plane_of(cell: Record, z: float, var: float) -> Plane:
+    """The ground of a measured cell, in all bits, at a height and as well known as is said."""
+    slope_x, slope_y, tied = np.float64(cell.slope_x), np.float64(cell.slope_y), np.int64(cell.tied)
+    return Plane(z, slope_x, slope_y, var, cell.floor_s, int(tied), True)
 
 
 @kernel

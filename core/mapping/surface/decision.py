@@ -25,11 +25,7 @@ _state_of, _shown_cause = kernel(causes.state_of), kernel(causes.shown_cause)
 
 @kernel
 def _missing(cell: Record, limits: Limits) -> int:
-    """NO_FLOOR for a hole or an edge down, UNSHOWN where there may be one, else 0.
-
-    Before the ground beyond has been seen, a little is only "perhaps". It may lie lower: then the
-    ground is lower here too, and that is no hole; but too much of it is an edge.
-    """
+    """NO_FLOOR for a hole or an edge down, UNSHOWN where there may be one, else 0."""
     h_neg = limits.h_neg_m
     if cell.under_m == math.inf:
         return 0
@@ -40,7 +36,7 @@ def _missing(cell: Record, limits: Limits) -> int:
         return causes.UNSHOWN if cell.under_m <= h_neg else 0
     if cell.under_m <= h_neg:
         return causes.NO_FLOOR
-    far = 0.0 if cell.looks > 0 else cell.floor_m
+    far = 0.0 if cell.looks > 0 else cell.floor_m  # where that lies lower as well, there is no hole
     if far == math.inf:
         return causes.UNSHOWN
     return causes.NO_FLOOR if far - cell.under_m > doubt else 0
@@ -48,10 +44,7 @@ def _missing(cell: Record, limits: Limits) -> int:
 
 @kernel
 def is_framed(i: int, j: int, surface: Surface) -> bool:
-    """Whether what lacks of a world cell's floor, along x and y, is no wider than half a cell.
-
-    As where the laser's line jumps on: so narrow a gap, with floor on both sides, is no ditch.
-    """
+    """Whether what lacks of a world cell's floor, along x and y, is no wider than half a cell."""
     parts = surface.limits.parts
     row = (1 << parts) - 1  # bits of a cell's parts
     column = ((1 << parts * parts) - 1) // row

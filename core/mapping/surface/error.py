@@ -6,9 +6,7 @@ before with other arms, differs by
 
     h (x, p, r, s_p, s_r)',   h = (1, a, b, arm now - arm then, aside now - aside then)
 
-so that a straight way, or a turn on the spot, tells nothing of s, and nothing runs away. What p and
-r were when it was laid is lost (`parted_m2`): one error for all witnesses, however many there are.
-Noise and roughness are each cell's own.
+and by what p and r were then (`parted_m2`): one error for all witnesses, however many there are.
 
 Source: docs/method.md, section 3; Kalman filter in information form, Tukey's weights.
 """
@@ -18,6 +16,7 @@ import math
 import numpy as np
 
 from core.grid.places import cell_at
+from core.mapping.body import BodyPose
 from core.mapping.surface.cells import STATES, Surface, height_over
 from core.mapping.surface.constants import *
 from core.motion.kalman import begin, clear, correct, fade, follow, join, note, spread
@@ -46,19 +45,17 @@ def arms_m2(ahead: float, aside: float, cell: Record, surface: Surface) -> float
 
 
 @kernel
-def forget(passed_s: float, driven_m: float, own: F64, P: F64) -> None:
-    """What a while and a signed way make of the error `own` (5,) and its covariance P (5, 5)."""
+def forget(passed_s: float, driven_m: float, jumps: bool, own: F64, P: F64) -> None:
+    """What a while and a signed way make of the error `own` (5,) and its covariance P (5, 5).
+
+    jumps: the orientation's filter has gone over to other angles: the fast part is not known.
+    """
     kept = math.exp(-passed_s / FAST_S)
     follow(P, own, 0, 1, driven_m)
     for fast in range(1, 3):
         fade(P, own, fast, kept, (1.0 - kept * kept) * SIGMA_FAST_RAD**2)
-
-
-@kernel
-def jump(P: F64) -> None:
-    """The orientation's filter has gone over to other angles: nothing is known of the fast part."""
-    for fast in range(1, 3):
-        begin(P, fast, SIGMA_JUMP_RAD**2)
+        if jumps:
+            begin(P, fast, SIGMA_JUMP_RAD**2)
 
 
 @kernel
@@ -167,23 +164,14 @@ class SweepFilter:
         self.own[:] = 0.0
         self.P[:] = np.diag([FLAT_M**2, fast, fast, static, static])
 
-    def warm(self) -> None:
-        """Run the kernels that the first scan does not need."""
-        forget(0.0, 0.0, self.own, self.P)
-        jump(self.P)
-        self.restart()
-
-    def follow(self, t_s: float, travel_m: float, doubted: int) -> tuple[float, float]:
-        """Time has passed, and way: how much of both since the scan before.
+    def follow(self, body: BodyPose, doubted: int) -> tuple[float, float]:
+        """Time has passed, and way: how much of both since the scan before; 0 at the first one.
 
         doubted: how often the orientation's filter has gone over to other angles.
         """
-        passed_s, driven_m = t_s - self._last_s, travel_m - self._travel_m
-        self._last_s, self._travel_m = t_s, travel_m
+        passed_s, driven_m = body.t_s - self._last_s, body.travel_m - self._travel_m
         if math.isnan(passed_s):
-            return 0.0, 0.0
-        forget(passed_s, driven_m, self.own, self.P)
-        if doubted != self._doubted:
-            self._doubted = doubted
-            jump(self.P)
+            passed_s, driven_m, doubted = 0.0, 0.0, self._doubted
+        forget(passed_s, driven_m, doubted != self._doubted, self.own, self.P)
+        self._last_s, self._travel_m, self._doubted = body.t_s, body.travel_m, doubted
         return passed_s, driven_m

@@ -1,10 +1,9 @@
 """What the beams of a sweep say of the cells where they end, and what these are tied to.
 
-A scan has one vote a cell, the highest of its beams': a hit outweighs a beam that passes beside it.
-Ground that is met is a Kalman filter's, with what the attitude has wandered since as its noise. It
-inherits what it is tied to from the ground that told it: to that on which the wheels roll, to a
-step, or to nothing yet; where it is tied, loose ground around it may be tied in turn. What stands
-is soft, as grass is, or hard by where the echoes of its beams lie (`softness`).
+    gain = aged / (aged + noise),  ground += gain (z - ground),  var = (1 - gain) aged
+
+of floor, with what the attitude has wandered since it was seen in `aged`. All else is log-odds, to
+which a scan adds one vote a cell, the highest of its beams'.
 
 Source: docs/method.md, section 4.
 """
@@ -16,7 +15,7 @@ from core.grid.touched import touch
 from core.mapping.body import in_body
 from core.mapping.rays import last_echo_m
 from core.mapping.surface import cells
-from core.mapping.surface.cells import APART, LOOSE, TIED, Surface, ground_of
+from core.mapping.surface.cells import APART, LOOSE, TIED, Plane, Surface, ground_of
 from core.mapping.surface.constants import *
 from core.mapping.surface.error import parted_m2
 from core.mapping.surface.sweep import ABOVE, BELOW, FLOOR, HIGH, Beams, level_of, sigma_of
@@ -30,14 +29,11 @@ VOTED, SAW_FLOOR, WENT_UNDER, NEWLY_TIED = 1, 2, 4, 8  # bits of what a scan has
 def vote(at: int, say: float, surface: Surface) -> None:
     """Of a scan's votes on a cell, the highest counts."""
     cell, touched = surface.cells[at], surface.touched
-    slot, before = touch(at, touched), 0.0
-    if not touched.bits[slot] & VOTED:
-        touched.bits[slot] |= VOTED
-        before = cell.stands
-    elif say > touched.said[slot]:
-        before = cell.stands - touched.said[slot]
-    else:
+    slot = touch(at, touched)
+    if touched.bits[slot] & VOTED and say <= touched.said[slot]:
         return
+    touched.bits[slot] |= VOTED
+    before = cell.stands - touched.said[slot]
     cell.stands = min(MOST, max(LEAST, before + say))
     touched.said[slot] = cell.stands - before
     if before > CLEAR >= cell.stands and cell.top_m > -math.inf:
@@ -58,13 +54,10 @@ def touch_around(at: int, surface: Surface) -> None:
 
 @kernel
 def lower(at: int, part: int, depth: float, surface: Surface) -> None:
-    """A beam was so far over the ground, less than none: half of it is believed at once.
-
-    Where floor was seen, it is the beam that errs.
-    """
+    """A beam was so far over the ground, less than none: half of it is believed at once."""
     cell, slot = surface.cells[at], touch(at, surface.touched)
     if cell.parts & part:
-        return
+        return  # floor was seen there: it is the beam that errs
     cell.parts |= part << cells.PART_BITS
     before = 0.0 if cell.under_m == math.inf else cell.under_m
     if depth < before and not surface.touched.bits[slot] & WENT_UNDER:
@@ -83,7 +76,7 @@ def stay(cell: Record, move: float) -> None:
 
 
 @kernel
-def expect(cell: Record, plane: cells.Plane, x: float, y: float, surface: Surface) -> None:
+def expect(cell: Record, plane: Plane, x: float, y: float, surface: Surface) -> None:
     """Ground that is not seen yet, at a cell's centre; x, y: a point in it."""
     own, (ahead, aside) = surface.own, in_body(x, y, surface.stand)
     if cell.var_m2 < math.inf:
@@ -96,7 +89,7 @@ def expect(cell: Record, plane: cells.Plane, x: float, y: float, surface: Surfac
 
 @kernel
 def tie(at: int, i: int, j: int, surface: Surface) -> None:
-    """Tie the ground of a cell, at world cell i, j, by that around it, if it can be.
+    """Tie the ground of a cell, world cell i, j, that is not tied yet, by that around it.
 
     It is joined along a front as wide as a robot, no less, and not where more ground within two
     cells is a step off than joins it: no wheel climbs that.
@@ -116,8 +109,7 @@ def tie(at: int, i: int, j: int, surface: Surface) -> None:
                 joined += other.tied == TIED
                 apart += other.tied == APART
     if joined >= FRONT and joined > against:
-        if cell.tied != TIED:  # what is loose around it may be tied by it in turn
-            surface.touched.bits[touch(at, surface.touched)] |= NEWLY_TIED
+        surface.touched.bits[touch(at, surface.touched)] |= NEWLY_TIED  # and may tie others in turn
         cell.tied = TIED
     elif apart > joined:
         cell.tied = APART
@@ -261,7 +253,7 @@ def _end(one: Record, ray: F64, surface: Surface) -> None:
         return  # it tells nothing, over ground that is a guess
     if cell.var_m2 == math.inf:
         seen_s = stand.t_s - one.age_s
-        plane = cells.plane_of(z - h, one.slope_x, one.slope_y, one.var_m2, seen_s, one.tied, True)
+        plane = Plane(z - h, one.slope_x, one.slope_y, one.var_m2, seen_s, one.tied, True)
         expect(cell, plane, one.x_m, one.y_m, surface)
     if is_guess:
         _rise(one, surface)
@@ -297,9 +289,6 @@ def _end(one: Record, ray: F64, surface: Surface) -> None:
 @kernel
 def softness(ranges_m: F64, b: int, limits: cells.Limits) -> float:
     """What the first of a beam's echoes says of what it met: whether that lets beams in.
-
-    Stalks end beams off the middle of their neighbours, and more comes back from behind. A face
-    ends them where it ends their neighbours; at its edge one neighbour goes far past.
 
     ranges_m (echoes, n): it, and those behind it.
     """

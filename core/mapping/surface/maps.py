@@ -1,10 +1,6 @@
 """Method `surface`: a map of the ground and of what stands on it, in heights of the map frame.
 
-For each sweep: cast its beams; hold each return against the ground that is known or predicted
-there; take the sweep's own error out; put the returns into cells; follow the beams through cells;
-tie ground to what can be reached; decide the cells again that were touched.
-
-Source: docs/method.md, section 1.
+Source: docs/method.md, section 1 has the order of work.
 """
 
 import math
@@ -17,8 +13,7 @@ from core.grid.ring import RingGrid
 from core.grid.touched import Touched
 from core.grid.window import ObstacleWindow, Shown
 from core.mapping import along, layers
-from core.mapping.body import BodyPose, Sway, body_pose_at
-from core.mapping.footing import Ground
+from core.mapping.body import AT_START, BodyPose, Sway, body_pose_at
 from core.mapping.freshness import Freshness
 from core.mapping.heights.told import Heights
 from core.mapping.heights.upper import BLANK_UPPER, NO_UPPERS, UPPER, see_uppers
@@ -37,7 +32,6 @@ from core.motion.track import Track
 from core.records import F64, I32, I64, U8, UNKNOWN, PointSweep, Scan
 from jit import Settled, kernel, records, with_fields
 
-AT_START = BodyPose(0.0, 0.0, 0.0, (1.0, 0.0), (0.0, 0.0), 0.0)
 EVIDENCE = {  # fields of a cell, by what they tell
     "scans that saw its floor": "looks",
     "log-odds that something stands in it": "stands",
@@ -47,38 +41,40 @@ EVIDENCE = {  # fields of a cell, by what they tell
 
 @kernel
 def take_sweep(
-    first: Beams, behind: Beams, passed_s: float, rolled_s: float, guess: int, surface: Surface,
-    shown: Shown, used: int,
+    first: Beams, behind: Beams, passed_s: float, rolled_s: float, surface: Surface, shown: Shown,
+    used: int,
 ) -> tuple[int, int]:  # fmt: skip
     """A sweep's first echoes, and what ends behind those; the first ones alone set it right.
 
     Args:
         behind: the second echoes; of no returns where there are none.
         passed_s, rolled_s: since the last scan; and if the robot has moved, else 0.
-        guess: what ground is tied to on which most returns agree.
 
     Returns:
         How many returns there are, and how many cells of the window have changed (before: `used`).
     """
-    touched = surface.touched
+    touched, now, count, tied = surface.touched, surface.now[0], 0, 0
     touched.used[0] = 0
-    surface.now[0].scan += 1
+    now.scan += 1
     roll_on(rolled_s, surface)
-    count = hold(first, surface)
-    find_faces(first.returns, surface.limits.is_plane)
-    agree(first.returns, guess, surface)
-    find_witnesses(first, surface)
-    set_right(first.returns, passed_s, surface)
-    end_beams(first, surface)
-    see_uppers(first.returns, surface)
-    if behind.returns.size > 0:
-        count += hold(behind, surface)
-        find_faces(behind.returns, surface.limits.is_plane)
-        set_right(behind.returns, passed_s, surface)
-        end_beams(behind, surface)
-        see_uppers(behind.returns, surface)
+    for echo in range(2):
+        beams = first if echo == 0 else behind
+        if beams.returns.size == 0:
+            break
+        count += hold(beams, surface)
+        find_faces(beams.returns, surface.limits.is_plane)
+        if echo == 0:
+            agree(beams.returns, LOOSE if now.anchored else TIED, surface)
+            find_witnesses(beams, surface)
+        set_right(beams.returns, passed_s, surface)
+        end_beams(beams, surface)
+        see_uppers(beams.returns, surface)
     follow_beams(first, surface)
     spread_ties(surface)
+    if now.anchored == 0:
+        for at in touched.at[: touched.used[0]]:
+            tied += surface.cells[at].tied == TIED and surface.cells[at].looks > 1
+        now.anchored = tied > WITNESSES
     return count, decide_cells(touched.at[: touched.used[0]], surface, shown, used)
 
 
@@ -99,7 +95,6 @@ def limits_of(config: Config, are_pictures: bool = False) -> Limits:
         height_m=config.robot.height_m,
         soft_m=obstacle.soft_free_below_m,
         guess_m2=guess_m2,
-        expected_m=guess_m2 / (BEND * BEND * CARRY_M),
         sure_m2=guess_m2,
         wheels_m2=math.inf,
         floor_says=PASS_LOW if are_pictures else 0.0,
@@ -118,19 +113,15 @@ def limits_of(config: Config, are_pictures: bool = False) -> Limits:
 
 
 def as_it_stands(limits: Limits) -> Limits:
-    """The same for a robot that has not moved yet: floor is the plane on which it stands.
-
-    It sees one line of floor, and never what is before or behind that: what it sees is enough.
-    """
+    """The same for a robot that has not moved yet: floor is the plane on which it stands."""
     floor_m2 = (limits.h_pos_m / GATE) ** 2  # sure_m2 is less: what lies on it is set by agreement
     return limits._replace(sure_m2=0.5 * floor_m2, wheels_m2=floor_m2, floor_says=PASS_LOW, row=0)
 
 
 class SurfaceMaps:
-    """The maps of one run, kept up scan by scan."""
+    """`Maps` of one run, kept up scan by scan."""
 
     def __init__(self, config: Config, are_pictures: bool = False) -> None:
-        """`are_pictures`: see `limits_of`."""
         scanner, robot, window_cells = config.scanner, config.robot, config.obstacle.window_cells
         beams = scanner.options.spec.max_beams
         self._geometry = BeamGeometry.of(scanner)
@@ -142,10 +133,10 @@ class SurfaceMaps:
         self.window = ObstacleWindow(window_cells, config.map.cell_m)
         footprint = (robot.front_m, robot.rear_m, robot.width_m / 2)
         self.fresh = Freshness(self.grid, config.obstacle.free_max_age_s, footprint)
-        self._error, self._sway = SweepFilter(), Sway(ALIKE_S)
+        # a wheel that lifts the lens tips the body, by the lever from the axle to the lens
+        self._error, self._sway = SweepFilter(), Sway(ALIKE_S, scanner.mount_x_m)
         self._limits = limits_of(config, are_pictures)
         self._stood: BodyPose | None = None  # where its map began, until it moves
-        self._moved = False
         h_pos_m = self._limits.h_pos_m
         self._heights = Heights(self.grid, self.cells, uppers, self.static_rad, h_pos_m)
         self._surface = Surface(
@@ -154,7 +145,7 @@ class SurfaceMaps:
             seen_s=self.fresh.seen_s,
             oldest_s=-math.inf,
             ring=self.grid.ring,
-            limits=self._limits,
+            limits=as_it_stands(self._limits),
             stand=AT_START,
             own=self._error.own,
             P=self._error.P,
@@ -165,16 +156,12 @@ class SurfaceMaps:
         )
         self._returns = [records(RETURN, beams) for _ in range(2)]
         self._returns[1]["witness"] = -1  # second echoes tell nothing of the sweep
-        self._arm_m = scanner.mount_x_m
         self._faces = FaceMatcher(self.grid, beams)
-        self._anchored = False  # some ground is tied to that under the wheels
         self._take = Settled(take_sweep)
 
     def warm(self) -> None:
-        """Run the kernels to which the first scans do not come, once; the maps stay empty."""
         nothing = np.zeros(0, dtype=np.int32)
         self.window.put(nothing, np.zeros(0, dtype=np.int8))
-        self._error.warm()
         decide_cells(nothing, self._surface, self.window.shown, 0)
         self.causes(nothing.astype(np.int64), nothing.astype(np.int64))
 
@@ -183,11 +170,8 @@ class SurfaceMaps:
         rays = self._geometry.cast(scan, attitudes, odometry)
         body = body_pose_at(rays.t_s, attitudes, odometry)
         self._move(body)
-        passed_s, driven_m = self._error.follow(
-            rays.t_s, body.travel_m, attitudes.orientation.doubted
-        )
-        # a wheel that lifts the lens tips the body, by the lever from the axle to the lens
-        lens_m2 = FLAT_M**2 + (self._arm_m * self._sway.follow(passed_s, body.slopes)) ** 2
+        passed_s, driven_m = self._error.follow(body, attitudes.orientation.doubted)
+        lens_m2 = FLAT_M**2 + self._sway.follow(passed_s, body.slopes) ** 2
         self.grid.follow(body.x_m, body.y_m)
         self.fresh.follow(rays.t_s, body.x_m, body.y_m, body.heading)
         surface, window = self._stand(body._replace(slopes=self._sway.slopes)), self.window
@@ -200,24 +184,20 @@ class SurfaceMaps:
             Beams(rays.origins, rays.rays, ranges_m[k:], of[: n * (k < len(ranges_m))], lens_m2)
             for k, of in enumerate(self._returns)
         )
-        guess, rolled_s = LOOSE if self._anchored else TIED, passed_s if driven_m else 0.0
+        rolled_s = passed_s if driven_m else 0.0
         count, window.used = self._take(
-            first, behind, passed_s, rolled_s, guess, surface, shown, window.used
+            first, behind, passed_s, rolled_s, surface, shown, window.used
         )
-        if not self._anchored:
-            seen = surface.cells[surface.touched.at[: surface.touched.used[0]]]
-            self._anchored = int(((seen["tied"] == TIED) & (seen["looks"] > 1)).sum()) > WITNESSES
-        self._faces.set_right(rays, first.returns["height_m"], body, odometry, is_sure=True)
+        self._faces.set_right(rays, first.returns["height_m"], body, odometry)
         self.fresh.expire(window)
         return count
 
     def _move(self, body: BodyPose) -> None:
         """What a robot saw that had not moved yet is a first guess; the map begins as it moves."""
-        if self._moved:
-            return
+        if self._surface.limits is self._limits:
+            return  # it has moved
         if self._stood is None:
             self._stood = body
-            self._surface = self._surface._replace(limits=as_it_stands(self._limits))
         (hx, hy), (gx, gy) = body.heading, self._stood.heading
         driven_m = abs(body.travel_m - self._stood.travel_m)
         turned_m = math.hypot(hx - gx, hy - gy) * self._limits.far_m
@@ -225,7 +205,6 @@ class SurfaceMaps:
             told = np.flatnonzero(self.window.cells).astype(np.int32)
             self.window.put(told, np.full(told.size, UNKNOWN, dtype=np.int8))
             self._forget()
-            self._moved = True
             self._surface = self._surface._replace(limits=self._limits)
 
     def _stand(self, body: BodyPose) -> Surface:
@@ -235,7 +214,6 @@ class SurfaceMaps:
         return self._surface
 
     def causes(self, i: I64, j: I64) -> F64:
-        """Why the window shows what it does at world cells i, j (n,), by the rules that decide."""
         found: U8 = np.zeros(i.size, dtype=np.uint8)
         surface = self._stand(self._surface.stand)
         list_causes(i, j, surface, self.window.shown, found)
@@ -247,28 +225,16 @@ class SurfaceMaps:
         return told_m.reshape(self.cells.shape)
 
     def ages_s(self, i: I64, j: I64) -> F64:
-        """Seconds (n,) since world cells were met, passed or stood on; NaN: never, or outside."""
         seen_s = layers.at_cells(self.grid, i, j, lambda at: self.fresh.seen_s[at])
         return self.fresh.ages_s(seen_s)
 
     def maybe_ring(self, name: str) -> layers.RingLayer | None:
-        """A layer by its name; none where there is none."""
         return self._heights.maybe_ring(name)
 
-    def maybe_ground_grid(self) -> RingGrid:
-        """That of the cells."""
-        return self.grid
-
-    def ground_at(self, at: I64) -> Ground:
-        """What feet may stand on, at flat indices (n,)."""
-        return self._heights.ground_at(at)
-
-    def filled_at(self, at: I64) -> Ground:
-        """The same, and there what lies around tells of cells that were not measured."""
-        return self._heights.filled_at(at)
+    def maybe_ground(self) -> Heights:
+        return self._heights
 
     def evidence(self, i: int, j: int) -> dict[str, float]:
-        """What was counted in a world cell, by what it counts."""
         record = self.cells[j % self.grid.size, i % self.grid.size]
         return {about: round(float(record[field]), 1) for about, field in EVIDENCE.items()}
 
@@ -282,18 +248,18 @@ class SurfaceMaps:
         self._surface.cells[at] = records
         self._surface.tall[at] = (records["stands"] > CLEAR) & np.isfinite(records["top_m"])
         self._error.own[3:] = static_rad
-        self._moved = True
+        self._surface = self._surface._replace(limits=self._limits)
 
     def _forget(self) -> None:
         """Nothing is known of the ground, or of the sweep's error."""
         self.grid.erase()
         self._error.restart()
         self._faces.erase()
-        self._anchored = False
+        self._surface.now["anchored"] = 0
 
     def erase(self) -> None:
         """Forget everything."""
         self._forget()
         self.window.erase()
-        self._stood, self._moved = None, False
-        self._surface = self._surface._replace(limits=self._limits)
+        self._stood = None
+        self._surface = self._surface._replace(limits=as_it_stands(self._limits))

@@ -35,20 +35,17 @@ def _expects(at: int, x: float, y: float, r: float, ray: F64, surface: Surface) 
 
 @kernel
 def _leave(b: int, beams: Beams, surface: Surface) -> float:
-    """How far a beam counts that ends outside of the map, or low over ground that is a guess.
-
-    As far as the map reaches, and ground is expected beyond where level ground is met; if it is too
-    low there, it is BELOW.
-    """
+    """How far a beam counts that leaves the map, or ends low over a guess; BELOW if low there."""
     one, lens, ray, ring = beams.returns[b], beams.lenses[b], beams.rays[b], surface.ring
     corner, r = (ring.corner_i, ring.corner_j), beams.ranges_m[0, b]
+    expected_m = surface.limits.guess_m2 / (BEND * BEND * CARRY_M)  # until ground is a guess
     for k in range(2):
         edge_m = (corner[k] + (ring.size if ray[k] > 0.0 else 0)) * ring.cell_m
         if ray[k] != 0.0:
             r = min(r, (edge_m - lens[k]) / ray[k] - 0.5 * ring.cell_m)
     (lens_z, rise), wheels_m = upright_line(lens, ray, surface), surface.now[0].wheels_m
     if rise < 0.0:
-        r = min(r, (wheels_m - lens_z) / rise + surface.limits.expected_m / level_of(ray))
+        r = min(r, (wheels_m - lens_z) / rise + expected_m / level_of(ray))
     z = lens_z + r * rise
     if z - wheels_m > surface.limits.h_neg_m or r < MIN_RANGE_M:
         return float(r)
@@ -150,17 +147,14 @@ def _pass_through(b: int, beams: Beams, surface: Surface) -> None:
 
 @kernel
 def _miss(lens: F64, ray: F64, surface: Surface) -> None:
-    """A beam did not come back: where it should have met the ground there is none, or black one.
-
-    Level ground is met within 45 degrees of ahead at sqrt 2 times far_m at most.
-    """
+    """A beam did not come back: where it should have met the ground there is none, or black one."""
     limits, z, at, x, y = surface.limits, surface.now[0].wheels_m, -1, 0.0, 0.0
     if ray[2] >= 0.0:
         return
     lens_m = sweep.set_upright(lens[2], 0.0, 0.0, surface)
     for _ in range(2):
         r = (z - lens_m) / ray[2]
-        if not MIN_RANGE_M < r < math.sqrt(2.0) * limits.far_m:
+        if not MIN_RANGE_M < r < math.sqrt(2.0) * limits.far_m:  # of level ground, at 45 degrees
             return
         x, y = lens[0] + r * ray[0], lens[1] + r * ray[1]
         at = cell_at(x, y, surface.ring)

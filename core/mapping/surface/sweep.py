@@ -106,7 +106,7 @@ def reach(x: float, y: float, r: float, ray: F64, surface: Surface) -> Plane:
             rise = cell.slope_x * dx + cell.slope_y * dy
             z = ground_of(cell, surface.own) + kept * rise
             var += min(0.0, (1.0 - kept) * rise) ** 2  # ground that falls away may go on to fall
-            return plane_of(z, cell.slope_x, cell.slope_y, var, cell.floor_s, cell.tied, True)
+            return plane_of(cell, z, var)
         away += THING_M
     dx, dy, (a, b) = x - stand.x_m, y - stand.y_m, stand.slopes
     var = min(surface.limits.wheels_m2, (0.5 * STEEP) ** 2 * (dx * dx + dy * dy))
@@ -141,10 +141,7 @@ def hold(beams: Beams, surface: Surface) -> int:
         if at != last:  # what is due in a cell, at its centre
             last, cell = at, surface.cells[at]
             if cell.looks > 0:
-                near = plane = plane_of(
-                    ground_of(cell, surface.own), cell.slope_x, cell.slope_y, cell.var_m2,
-                    cell.floor_s, cell.tied, True,
-                )  # fmt: skip
+                near = plane = plane_of(cell, ground_of(cell, surface.own), cell.var_m2)
             else:
                 near = plane = cells.plane_at(i, j, surface)
                 if not (plane.var_m2 < math.inf and z > plane.z_m + surface.limits.h_pos_m):
@@ -162,18 +159,14 @@ def hold(beams: Beams, surface: Surface) -> int:
 
 @kernel
 def find_faces(returns: Records, is_plane: bool) -> None:
-    """Which returns lie on what rises to the side, too steeply for ground.
-
-    A sweep meets level ground along a line across the way: one that climbs, or falls, while it
-    hardly goes aside runs along a wall. Returns of several planes are beside each other anyhow.
-    """
+    """Which returns lie on what rises to the side, too steeply for ground: by the beams beside."""
     last = returns.size - 1
     for b in range(returns.size):
         me, one, other = returns[b], returns[max(0, b - BESIDE)], returns[min(last, b + BESIDE)]
         me.is_face = 0
         if me.at >= 0 and one.at >= 0 and other.at >= 0:
             rise, run = abs(other.z_m - one.z_m), abs(other.aside_m - one.aside_m)
-            if not is_plane:
+            if not is_plane:  # returns of several planes may be beside each other anyhow
                 run = math.hypot(other.x_m - one.x_m, other.y_m - one.y_m)
             doubt = GATE * math.sqrt(one.noise_m2 + other.noise_m2)
             me.is_face = rise - doubt > STEEPEST * run
@@ -181,11 +174,7 @@ def find_faces(returns: Records, is_plane: bool) -> None:
 
 @kernel
 def find_witnesses(beams: Beams, surface: Surface) -> None:
-    """Where each beam meets ground that is known, and beyond which floor was seen as well.
-
-    The front of what is mapped tells nothing of the sweep. A beam that ends below the ground has
-    passed under such ground before.
-    """
+    """Where each beam meets ground that is known, and beyond which floor was seen as well."""
     for b in range(beams.returns.size):
         one, lens, ray = beams.returns[b], beams.lenses[b], beams.rays[b]
         one.witness = -1
@@ -205,16 +194,13 @@ def find_witnesses(beams: Beams, surface: Surface) -> None:
                     one.witness_ahead_m, one.witness_aside_m = ahead, aside
                 break
             if one.height_m >= 0.0:
-                break
+                break  # one that ends below the ground has passed under such ground before
             r -= surface.ring.cell_m / level_of(ray)
 
 
 @kernel
 def agree(returns: Records, tied: int, surface: Surface) -> None:
-    """Where ground is a guess for most returns, those are floor of which most lie at one height.
-
-    It is tied to what `tied` says.
-    """
+    """Where ground is a guess for most returns, those are floor, so tied, of one height."""
     limits, bins = surface.limits, surface.room.bins
     unsure, sure, guessed, edge = 0, 0, 0, 0.5 * limits.h_pos_m / WIDE
     bins[:] = 0.0

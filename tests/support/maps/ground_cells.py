@@ -35,7 +35,6 @@ LIMITS = Limits(
     height_m=1.30,
     soft_m=0.0,
     guess_m2=0.04**2,
-    expected_m=4.0,
     sure_m2=0.04**2,
     wheels_m2=math.inf,
     floor_says=0.0,

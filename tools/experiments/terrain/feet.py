@@ -117,8 +117,9 @@ def feet_on(footholds: F64, sigmas_m: F64, scene: Scene, region: Region, seed: i
 
 def footholds_of(z_m: F64, maps: Maps, region: Region) -> F64:
     """Footholds [j, i] on heights [j, i] that are taken as they are, whatever tells them."""
-    grid = maps.maybe_ground_grid()
-    assert grid is not None
+    source = maps.maybe_ground()
+    assert source is not None
+    grid = source.grid
     columns, rows = region.cells()
     i, j = (part.ravel() for part in np.meshgrid(columns, rows))
     at = flat_of(grid, i, j)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from core.mapping.body import BodyPose
 from core.mapping.surface.cells import BLANK, STATES, TIED
 from core.mapping.surface.constants import FAST_S, SIGMA_STATIC_RAD
-from core.mapping.surface.error import SweepFilter, forget, jump, roll_on, set_right
+from core.mapping.surface.error import SweepFilter, forget, roll_on, set_right
 from core.mapping.surface.evidence import end_beams
 from core.mapping.surface.passing import follow_beams
 from core.mapping.surface.sweep import RETURN, Beams, agree, find_witnesses, hold
@@ -125,7 +125,7 @@ def test_old_ground_seen_again_by_other_arms_tells_what_is_always_wrong() -> Non
     truth = np.array([0.0, 0.0, 0.0, math.radians(0.4), 0.0])
     old = Witnesses(truth)
     for _ in range(400):
-        forget(0.5, 0.0, old.filter.own, old.filter.P)
+        forget(0.5, 0.0, False, old.filter.own, old.filter.P)
         old.sweep(20.0, 0.5, travel_m=old.random.uniform(-16.0, 16.0))
     assert old.filter.own[STATIC_PITCH] == pytest.approx(truth[STATIC_PITCH], rel=0.1)
     assert abs(old.filter.own[STATIC_ROLL]) < math.radians(0.05)
@@ -158,7 +158,7 @@ def test_an_hour_of_turning_on_the_spot_moves_nothing_away() -> None:
     for k in range(int(3600 / passed_s)):
         stand = turned(random.uniform(-math.pi, math.pi), random, beams)
         surface = surface._replace(stand=stand._replace(t_s=k * passed_s))
-        forget(passed_s, 0.0, off.own, off.P)
+        forget(passed_s, 0.0, False, off.own, off.P)
         hold(beams, surface)
         agree(beams.returns, TIED, surface)
         find_witnesses(beams, surface)
@@ -190,8 +190,7 @@ def test_floor_that_most_returns_agree_on_lies_at_their_mean(height_m: float) ->
 
 STEPS = st.lists(
     st.one_of(
-        st.tuples(st.just("forget"), st.floats(0.0, 60.0), st.floats(-50.0, 50.0)),
-        st.tuples(st.just("jump")),
+        st.tuples(st.just("forget"), st.floats(0.0, 60.0), st.floats(-50.0, 50.0), st.booleans()),
         st.tuples(st.just("roll_on"), st.floats(0.0, 2.0), st.floats(-90.0, 90.0), MILLI),
         st.tuples(
             st.just("set_right"), st.floats(0.0, 60.0), st.floats(0.0, 2.0), st.floats(1.0, 12.0),
@@ -211,10 +210,8 @@ def test_the_covariance_stays_one_whatever_happens(
     at = any_of.ground.lay(0, 0, 0.0)
     for name, *given_ in steps:
         if name == "forget":
-            passed_s, driven_m = given_
-            forget(passed_s, driven_m, own, P)
-        elif name == "jump":
-            jump(P)
+            passed_s, driven_m, jumps = given_
+            forget(passed_s, driven_m, jumps, own, P)
         elif name == "set_right":
             any_of.sweep(*given_)
         else:

@@ -69,17 +69,9 @@ def free_headings(walls: WallEdges, planes: F64, far_m: float, points: F64, free
     count = free.shape[1]
     for i in range(len(points)):
         for k in range(count):
-            angle = k * 2.0 * math.pi / count
-            free[i, k] = not _meets(
-                walls,
-                planes,
-                far_m,
-                points[i, 0],
-                points[i, 1],
-                math.cos(angle),
-                math.sin(angle),
-                0.0,
-            )
+            angle, x, y = k * 2.0 * math.pi / count, points[i, 0], points[i, 1]
+            cos, sin = math.cos(angle), math.sin(angle)
+            free[i, k] = not _meets(walls, planes, far_m, x, y, cos, sin, 0.0)
 
 
 @releasing_kernel

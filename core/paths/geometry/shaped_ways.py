@@ -31,6 +31,7 @@ from core.records import F64
 HEADINGS = 360  # of a turn: turns are looked at by degrees
 GRID, FINE = 0.5, 0.25  # of the widest disc in the machine: from place to place in passages
 REACH = 2.0  # circles' radii: longest leg from a place in a passage
+LEAST_M = 0.1  # of that disc's radius, as grids go: a thinner machine gets none that is finer
 WALL_POINTS = 4  # in that disc's radius along walls: middle lines are off by 1/128 of it
 WIDE = 0.98  # of that radius is free along the middle of a passage, but for that
 MOUTH = 1.5  # circles' radii from walls: so far passages are followed out of them
@@ -51,6 +52,7 @@ class Shape:
         far_m: radius of the circle round it, about the same point.
         near_m: of the circle within it, about the same point.
         wide_m: of the largest circle within it.
+        thick_m: the same, `LEAST_M` at least.
         left_m: its middle, from left to right, lies so far to the left.
         ahead, turning: (n, 3) half planes, a x + b y <= c: of what it covers, x ahead and y to the
             left, and of what it covers while it turns by one heading of `HEADINGS`.
@@ -64,16 +66,20 @@ class Shape:
             raise FloorError("footprint: must have an area, its corners lie on a line")
         hull = shapely.convex_hull(grown(hull, clearance_m)) if clearance_m > 0 else hull
         self.hull = hull
-        self.far_m = float(np.hypot(*shapely.get_coordinates(hull).T).max())
         self.near_m = float(hull.exterior.distance(shapely.Point(0, 0)))
         self.wide_m = float(shapely.maximum_inscribed_circle(hull).length)
-        self.left_m = (hull.bounds[1] + hull.bounds[3]) / 2
-        self.ahead = _planes(hull)
+        self.thick_m = max(self.wide_m, LEAST_M)
+        right_m, left_m = hull.bounds[1], hull.bounds[3]
+        self.left_m = (left_m + right_m) / 2
+        sides = [[0.0, 1.0, left_m], [0.0, -1.0, -right_m]]  # of what it sweeps straight ahead
+        self.ahead = np.vstack([_planes(hull), sides])
         half_rad = math.pi / HEADINGS
         both = [affinity.rotate(hull, a, (0, 0), use_radians=True) for a in (-half_rad, half_rad)]
         swept = shapely.convex_hull(shapely.union_all(both))
         out = 1.0 / math.cos(half_rad)  # corners swing out between both
-        self.turning = _planes(affinity.scale(swept, out, out, origin=(0, 0)))
+        swept = affinity.scale(swept, out, out, origin=(0, 0))
+        self.turning = _planes(swept)
+        self.far_m = float(np.hypot(*shapely.get_coordinates(swept).T).max())
 
 
 def _planes(convex: Polygon) -> F64:
@@ -202,15 +208,15 @@ class Roadmap:
         """`ends`: (m, 2) places to come from or go to, on the floor; `along`: a way that gets a
         finer grid around it."""
         self._shape, self._walls, self._ends = shape, wall_edges(free), len(ends)
-        self.space = polygons_in(narrowed(free, shape.far_m))
-        self._graphs = [graph_of(part) for part in self.space]
+        space = polygons_in(narrowed(free, shape.far_m))
+        self._graphs = [graph_of(part) for part in space]
         corners = [graph.nodes for graph in self._graphs]
         self._first = np.cumsum([len(ends), *map(len, corners)])
         points = np.vstack([ends, *corners, places_in_passages(free, shape, ends, along)])
         places = shapely.points(points)
-        is_in = np.zeros((len(self.space), len(points)), np.bool_)
+        is_in = np.zeros((len(space), len(points)), np.bool_)
         is_narrow = np.ones(len(points), np.bool_)
-        for number, part in enumerate(self.space):
+        for number, part in enumerate(space):
             is_in[number] = shapely.covers(part, places)
             is_narrow &= ~is_in[number]
         arcs = self._arcs_of(points, is_narrow)
@@ -355,9 +361,9 @@ def places_in_passages(
 
 def _grid(free: Polygon, things: Geometries, share: float, shape: Shape) -> F64:
     """(n, 2) on the floor and near to things."""
-    low, high = np.split(np.array(free.bounds), 2)
-    steps = (np.arange(a, b, share * shape.wide_m) for a, b in zip(low, high, strict=True))
-    x, y = np.meshgrid(*steps)
+    low, high = np.split(shapely.total_bounds(things), 2)
+    step_m, m = share * shape.thick_m, shape.far_m
+    x, y = np.meshgrid(*(np.arange(a - m, b + m, step_m) for a, b in zip(low, high, strict=True)))
     is_floor = shapely.contains_xy(free, x, y)
     places = shapely.points(x[is_floor], y[is_floor])
     near, _ = shapely.STRtree(things).query(places, predicate="dwithin", distance=shape.far_m)
@@ -370,7 +376,7 @@ def _middles(free: Polygon, shape: Shape, ends: F64) -> F64:
     Source: edges of the Voronoi diagram, as O'Dunlaing and Yap, A retraction method for planning
     the motion of a disc, 1985; here of points along the walls.
     """
-    walls = shapely.get_coordinates(shapely.segmentize(free.boundary, shape.wide_m / WALL_POINTS))
+    walls = shapely.get_coordinates(shapely.segmentize(free.boundary, shape.thick_m / WALL_POINTS))
     cells = shapely.voronoi_polygons(shapely.MultiPoint(walls), only_edges=True)
     lines = shapely.get_coordinates(shapely.get_parts(cells)).reshape(-1, 2, 2)
     corners, number = np.unique(lines.reshape(-1, 2).round(6), axis=0, return_inverse=True)
@@ -387,7 +393,7 @@ def _middles(free: Polygon, shape: Shape, ends: F64) -> F64:
             break
         number = number[~is_end[number].any(axis=1)]
     number = number[(clear_m[number] < MOUTH * shape.far_m).any(axis=1)]
-    step_m = GRID * shape.wide_m
+    step_m = GRID * shape.thick_m
     lines = shapely.segmentize(shapely.linestrings(corners[number]), step_m)
     middle, of = shapely.get_coordinates(lines, return_index=True)
     way = np.diff(corners[number], axis=1)[of, 0]

@@ -55,6 +55,8 @@ def contour_pieces(
         todo: what is to be swept; elsewhere it is clean or no floor.
     """
     spacing_m, width_m = machine.spacing_m, machine.width_m
+    shapely.prepare(part)
+    todo = [area for area in todo if part.dwithin(area, width_m)]  # the tool gets to no other
     clean = _clean_beside(part, todo, width_m)
     lines = list[F64]()
     off_m = spacing_m - width_m / 2 + SLIVER * width_m
@@ -67,8 +69,9 @@ def contour_pieces(
     found = [Piece((line,)) for line in lines]
     if clean.is_empty:
         return found
-    left = _without(MultiPolygon(list(todo)), swept_by(lines, width_m / 2))
-    for area in polygons_in(opened(left, SLIVER * width_m)):
+    left = polygons_in(_without(MultiPolygon(list(todo)), swept_by(lines, width_m / 2)))
+    large = [area for area in left if area.area > REST * width_m**2 or not lines]
+    for area in polygons_in(opened(MultiPolygon(large), SLIVER * width_m)):
         if area.area > REST * width_m**2 or not lines:
             for strip in polygons_in(part.intersection(grown(area, SLIVER * width_m))):
                 found += Sweeper(strip, spacing_m).best_pieces(raster)[0]

@@ -339,9 +339,9 @@ def test_on_a_walls_line_a_further_piece_is_wall_and_what_stands_out_of_it_is_no
     assert ends.min() == pytest.approx(-0.8 if thick_m == 0.1 else 0.7, abs=0.06)
 
 
-@pytest.mark.parametrize("into_m", [0.0, 0.04, 0.08, 0.12, 0.16, 0.2, 0.24])
-@pytest.mark.parametrize("aside_m", [-0.3, 0.0, 0.3])
-@pytest.mark.parametrize("at_m", [-1.2, 0.0, 1.2])
+@pytest.mark.parametrize("into_m", [0.04, 0.12, 0.2])
+@pytest.mark.parametrize("aside_m", [0.0, 0.3])
+@pytest.mark.parametrize("at_m", [0.0, 1.2])
 def test_somebody_in_a_door_is_no_piece_of_its_wall(
     into_m: float, aside_m: float, at_m: float
 ) -> None:

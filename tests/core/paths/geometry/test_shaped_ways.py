@@ -21,7 +21,7 @@ LONG: Corners = [(0.6, 0.3), (-0.6, 0.3), (-0.6, -0.3), (0.6, -0.3)]
 AFT: Corners = [(0.9, 0.3), (-0.3, 0.3), (-0.3, -0.3), (0.9, -0.3)]  # turns about a rear axle
 ASKEW: Corners = [(0.6, 0.5), (-0.6, 0.5), (-0.6, -0.1), (0.6, -0.1)]  # wider to its left
 BOAT: Corners = [(0.6, 0.0), (0.0, 0.3), (-0.6, 0.0), (0.0, -0.3)]  # of its sides none lies along
-SMALL: Corners = [(0.3, 0.1), (-0.2, 0.1), (-0.2, -0.1), (0.3, -0.1)]
+SMALL: Corners = [(0.4, 0.15), (-0.3, 0.15), (-0.3, -0.15), (0.4, -0.15)]
 
 
 def two_rooms(door_m: float, wall_m: float) -> BaseGeometry:
@@ -65,7 +65,7 @@ def test_a_passage_is_taken_that_is_hardly_wider_than_the_machine(
     corners: Corners, wall_m: float
 ) -> None:
     """Of 0.6 m, in a circle of 1.34 to 1.9 m."""
-    for door_m in (0.62, 0.8, 1.2):
+    for door_m in (0.62, 0.9):
         floor = two_rooms(door_m, wall_m)
         found = find_shaped_way(floor, Shape(corners, 0.0), (1.2, 1.2), (6.8 + wall_m, 1.2))
         assert isinstance(found, Way), door_m
@@ -83,7 +83,7 @@ def test_a_passage_that_is_narrower_is_none_and_clearance_counts() -> None:
     assert found.describe().startswith("the widest gap between start and goal is 0.800 m wide")
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_a_way_fits_and_lies_between_those_of_the_discs_within_and_around(seed: int) -> None:
     floor, shape = KINDS["rooms"](seed), Shape(SMALL, 0.0)

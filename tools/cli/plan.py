@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from core.paths.coverage.measures import Measures
     from core.paths.geometry.shaped_ways import Shape
-    from core.paths.records import Machine
+    from core.paths.records import CoveragePlan, Machine
     from tools.floorplans.records import FloorPlan
 
 NOT_INSTALLED = "needs the library of polygons: pip install 'mapod[objects]'"
@@ -97,10 +97,7 @@ def arguments(given: list[str] | None) -> argparse.Namespace:
     shape = parser.add_mutually_exclusive_group()
     radius = "of the machine about the point it turns about, in m (half the width)"
     shape.add_argument("--radius", type=number_in(0, 100), help=radius)
-    corners = (
-        "its corners 'X,Y X,Y ...' ahead and left of that point: ways through passages are those "
-    )
-    corners += "of this shape, all else is done by the circle round it"
+    corners = "its corners 'X,Y X,Y ...' ahead and left of that point, for ways through passages"
     shape.add_argument("--footprint", type=a_footprint, help=corners)
     add("--clearance", type=number_in(0, 100), default=0.0, help="from walls, in m (0)")
     add("--start", type=a_point, metavar="X,Y", help="where the path begins")
@@ -183,9 +180,6 @@ def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") ->
     from core.paths.coverage.measures import Motion, measures
     from core.paths.coverage.plan import plan_coverage
     from core.paths.coverage.spaces import plan_all_spaces
-    from core.paths.geometry.rings import joined
-    from core.paths.geometry.shaped_ways import off_floor_m2
-    from core.paths.geometry.ways import Way, turns_along
     from tools.floorplans.geojson import plan_as_geojson
     from tools.floorplans.picture import MISSED, REACHED, drawn
 
@@ -211,11 +205,8 @@ def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") ->
         speed_mps=options.speed, accel_mps2=options.accel, turn_radps=math.radians(options.turn)
     )
     told = measures(made, plan.free, machine, motion)
-    if shape is not None and made.segments:
-        path = joined([segment.points for segment in made.segments])
-        told = replace(
-            told, outside_m2=off_floor_m2(plan.free, shape, Way(path, turns_along(path)))
-        )
+    if shape is not None:
+        told = replace(told, outside_m2=off_floor_of(made, plan, shape))
     if options.report:
         figures = {name: getattr(told, name) for name in told.__slots__}
         figures |= {"planned_s": took_s, "uncovered": rings_of(made.uncovered)}
@@ -231,6 +222,18 @@ def cover(options: argparse.Namespace, plan: "FloorPlan", machine: "Machine") ->
     if options.picture is not None:
         layers = [(made.reachable, REACHED), (made.uncovered, MISSED)]
         drawn(plan.free, layers, made.segments).save(options.picture, format="PNG")
+
+
+def off_floor_of(made: "CoveragePlan", plan: "FloorPlan", shape: "Shape") -> float:
+    """Area in m2 that the machine is over beside the floor."""
+    from core.paths.geometry.rings import joined
+    from core.paths.geometry.shaped_ways import off_floor_m2
+    from core.paths.geometry.ways import Way, turns_along
+
+    if not made.segments:
+        return 0.0
+    path = joined([segment.points for segment in made.segments])
+    return off_floor_m2(plan.free, shape, Way(path, turns_along(path)))
 
 
 def lines_of(told: "Measures") -> list[str]:

@@ -44,7 +44,10 @@ def _missing(cell: Record, limits: Limits) -> int:
 
 @kernel
 def is_framed(i: int, j: int, surface: Surface) -> bool:
-    """Whether what lacks of a world cell's floor, along x and y, is no wider than half a cell."""
+    """Whether what lacks of a world cell's floor, along x and y, is no wider than half a cell.
+
+    As where the laser's line jumps on: so narrow a gap, with floor on both sides, is no ditch.
+    """
     parts = surface.limits.parts
     row = (1 << parts) - 1  # bits of a cell's parts
     column = ((1 << parts * parts) - 1) // row

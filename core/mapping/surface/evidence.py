@@ -290,6 +290,9 @@ def _end(one: Record, ray: F64, surface: Surface) -> None:
 def softness(ranges_m: F64, b: int, limits: cells.Limits) -> float:
     """What the first of a beam's echoes says of what it met: whether that lets beams in.
 
+    Stalks end beams off the middle of their neighbours, and more comes back from behind. A face
+    ends them where it ends their neighbours; at its edge one neighbour goes far past.
+
     ranges_m (echoes, n): it, and those behind it.
     """
     r = ranges_m[0, b]

@@ -1,6 +1,10 @@
 """Method `surface`: a map of the ground and of what stands on it, in heights of the map frame.
 
-Source: docs/method.md, section 1 has the order of work.
+For each sweep: cast its beams; hold each return against the ground that is known or predicted
+there; take the sweep's own error out; put the returns into cells; follow the beams through cells;
+tie ground to what can be reached; decide the cells again that were touched.
+
+Source: docs/method.md, section 1.
 """
 
 import math

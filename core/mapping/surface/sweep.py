@@ -159,7 +159,11 @@ def hold(beams: Beams, surface: Surface) -> int:
 
 @kernel
 def find_faces(returns: Records, is_plane: bool) -> None:
-    """Which returns lie on what rises to the side, too steeply for ground: by the beams beside."""
+    """Which returns lie on what rises to the side, too steeply for ground.
+
+    A sweep meets level ground along a line across the way: one that climbs, or falls, while it
+    hardly goes aside runs along a wall.
+    """
     last = returns.size - 1
     for b in range(returns.size):
         me, one, other = returns[b], returns[max(0, b - BESIDE)], returns[min(last, b + BESIDE)]

@@ -71,30 +71,31 @@ def _tree(free: MultiPolygon, machine: Machine, shape: Shape, home: Polygon) -> 
     """
     inner = home.representative_point()
     whole = part_at(free, (inner.x, inner.y))
-    least_m2 = LEAST * machine.width_m**2
-    others = [p for p in polygons_in(narrowed(whole, shape.far_m)) if p.area > least_m2]
-    ends = [inner, *(p.representative_point() for p in others if not p.covers(inner))]
-    nowhere = np.empty((0, 2))
-    found = [_Space(nowhere, nowhere)]
-    if len(ends) == 1:
-        return found[0]
+    least_m2, nowhere = LEAST * machine.width_m**2, np.empty((0, 2))
+    parts = polygons_in(narrowed(whole, shape.far_m))
+    own = max(parts, key=lambda part: part.intersection(home).area, default=None)
+    others = [part for part in parts if part is not own and part.area > least_m2]
+    first = _Space(nowhere, nowhere)
+    if own is None or not others or not own.intersects(home):
+        return first
+    ends = [part.representative_point() for part in (own, *others)]
     roadmap = Roadmap(whole, shape, shapely.get_coordinates(ends))
     search = roadmap.search(0, None)
     ways = [nodes for end in range(1, len(ends)) if (nodes := search.nodes_to(end)) is not None]
-    spaces = {int(np.argmax(roadmap.is_in[:, 0])): found[0]}
+    spaces = {int(np.argmax(roadmap.is_in[:, 0])): first}
     for nodes in sorted(ways, key=lambda nodes: length_of(roadmap.points[nodes])):
         here = int(np.argmax(roadmap.is_in[:, nodes[-1]]))
         into = 1 + max(k for k, node in enumerate(nodes) if not roadmap.is_in[here, node])
-        parts = [[p for p in spaces if roadmap.is_in[p, node]] for node in nodes[:into]]
-        out = max(k for k, those in enumerate(parts) if those)
+        come_by = [[p for p in spaces if roadmap.is_in[p, node]] for node in nodes[:into]]
+        out = max(k for k, those in enumerate(come_by) if those)
         back = roadmap.search(nodes[into], nodes[out]).nodes_to(nodes[out])
         if back is None:
             continue
         both = [roadmap.straightened(those) for those in (nodes[out : into + 1], back)]
         if all(np.abs(way.turns_rad).max(initial=0.0) <= math.pi for way in both):
             spaces[here] = _Space(both[0].points, both[1].points)
-            spaces[parts[out][0]].next.append(spaces[here])
-    return found[0]
+            spaces[come_by[out][0]].next.append(spaces[here])
+    return first
 
 
 class _Sweeps:

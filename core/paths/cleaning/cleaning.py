@@ -27,11 +27,12 @@ from core.paths.cleaning.frontiers import (
     frontier_blocks,
     next_viewpoint,
 )
+from core.paths.cleaning.parted import between, parted_off
 from core.paths.cleaning.seen_floor import MOST, Doubt, SeenFloor
 from core.paths.cleaning.swept_floor import SweptFloor
 from core.paths.cleaning.things import Thing, outlines
 from core.paths.coverage.plan import FIRST, LAST, plan_coverage, space_at
-from core.paths.geometry.space import FloorError, grown, narrowed, polygons_in
+from core.paths.geometry.space import FloorError, grown, opened, polygons_in
 from core.paths.geometry.visibility import VisibilityGraph
 from core.paths.records import Machine, Segment
 from core.records import F64, PassingThing
@@ -52,7 +53,7 @@ DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
 BARRED_M = 1.5  # where it was barred: so near it cannot look (`frontiers.NEAR_M`, and its size)
-PARTED_M2, PARTED_LOOKS = 1.0, 8  # of places that are parted off: so often it turns and looks again
+PARTED_M2, GAP_LOOKS = 1.0, 8  # of unswept floor that is parted off: so often it looks what does it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +85,23 @@ class Task:
     why: str = ""  # of what waits, turns on the spot or is stuck
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """Where the machine may be at a moment."""
+
+    place: Place  # where it is
+    free: BaseGeometry  # floor for its outline
+    space: Polygon  # for its middle, as far as it gets from there
+    graph: VisibilityGraph  # of that
+
+    def way(self, goal: tuple[float, float]) -> F64 | None:
+        """To a goal, by way of the nearest places where it has room."""
+        ends = [shapely.Point(self.place[:2]), shapely.Point(goal)]
+        a, b = (shapely.get_coordinates(shapely.shortest_line(self.space, end))[0] for end in ends)
+        way = self.graph.way(a, b)
+        return None if way is None else np.vstack([[self.place[:2]], way])
+
+
 class Cleaning:
     """One floor, from the dock and back to it."""
 
@@ -102,7 +120,8 @@ class Cleaning:
         self._looks, self._looks_in_all = Counter[Block](), Counter[Block]()  # at frontiers
         self._looked_at: dict[Block, tuple[float, float]] = {}
         self._doubts = dict[int, list[Doubt]]()  # by what is new: of floor below it
-        self._rounds = self._tried = self._parted = 0
+        self._rounds = self._tried = 0
+        self._gaps = list[tuple[float, float]]()  # where it looked at what parts floor off
         self._won_m2 = 0.0
         self._viewpoint: Viewpoint | None = None  # of the last task
         self._moved = set[int]()  # what was told to move
@@ -191,19 +210,33 @@ class Cleaning:
         barred: BaseGeometry,
     ) -> Task:  # fmt: skip
         self._things = list(things)
-        here = place[0], place[1]
         there, machine = FreeFloor(self.floor, things), self.settings.machine
         self.floor.explain(there.gaps())
         try:
             free = there.area(self.settings.guard_m, machine.radius_m, barred)
-            space = space_at(MultiPolygon(polygons_in(free)), machine, here)
+            space = space_at(MultiPolygon(polygons_in(free)), machine, place[:2])
         except FloorError:
             return Task("wait", why="the machine has no room where it stands")
-        graph = VisibilityGraph(space)
-        if may_look and (task := self._look(space, graph, place)) is not None:
+        places = Places(place, free, space, VisibilityGraph(space))
+        if may_look and (task := self._look(places)) is not None:
             return task
-        self._rounds += may_look
-        return self._sweep(free, space, here, old) or self._home(free, space, graph, place)
+        beyond = parted_off(free, machine, space)
+        waits_m2 = self._work(free, beyond)[1].area
+        is_off = space.distance(shapely.Point(self._dock[:2])) > AT_M
+        if waits_m2 < PARTED_M2 and not is_off:
+            self._gaps.clear()
+        if waits_m2 < PARTED_M2 or len(self._gaps) >= GAP_LOOKS:
+            waits_m2 = 0.0
+        if (task := self._sweep(places, waits_m2, old, may_look)) is not None:
+            return task
+        if is_off:
+            return self._look_at_gap(places, beyond, "something parts it from the dock")
+        if waits_m2 > 0.0:
+            return self._look_at_gap(places, beyond, "floor that was seen is parted off")
+        way = places.way(self._dock[:2])
+        if way is None:
+            return Task("wait", why="there is no way to the dock")
+        return Task("home", (Segment("travel", way),), self._dock[2])
 
     def frontiers(self, things: Sequence[Thing]) -> set[Block]:
         """Names of the frontiers that there are."""
@@ -224,82 +257,80 @@ class Cleaning:
         least = FEW_CELLS if self._rounds > 0 else LEAST_CELLS
         return frontier_blocks(self.floor, near, there, least)
 
-    def _look(self, space: Polygon, graph: VisibilityGraph, place: Place) -> Task | None:
+    def _look(self, places: Places) -> Task | None:
         blocks = self._blocks(self._things)
         left = {name: at for name, at in blocks.items() if self._is_worth_a_look(name, at)}
-        known = outlines(self._things)
-        bars = shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in known])
-        seen_from = next_viewpoint(left, space, bars, place)
+        seen_from = next_viewpoint(left, places.space, self._bars(), places.place)
         if seen_from is None:
             return None
         self._looks[seen_from.block] += 1
         self._looks_in_all[seen_from.block] += 1
         self._looked_at[seen_from.block] = seen_from.frontier
-        way = self._way(space, graph, place, seen_from.place)
+        way = places.way(seen_from.place)
         if way is None:
-            return self._look(space, graph, place)
-        (x, y), (at_x, at_y) = seen_from.place, seen_from.frontier
-        return Task("look", (Segment("travel", way),), math.atan2(at_y - y, at_x - x), seen_from)
+            return self._look(places)
+        return Task("look", (Segment("travel", way),), _towards(seen_from), seen_from)
+
+    def _bars(self) -> BaseGeometry:
+        """What hides the floor behind it."""
+        known = outlines(self._things)
+        return shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in known])
 
     def _is_worth_a_look(self, name: Block, at: tuple[float, float]) -> bool:
         if math.dist(at, self._looked_at.get(name, at)) > MOVED_M:
             self._looks[name] = 0
         return self._looks[name] < LOOKS and self._looks_in_all[name] < LOOKS_MOST
 
-    def _way(
-        self, space: Polygon, graph: VisibilityGraph, place: Place, goal: tuple[float, float]
-    ) -> F64 | None:
-        """From the machine to a goal, by way of the nearest place where it has room."""
-        ends = [shapely.Point(place[:2]), shapely.Point(goal)]
-        a, b = (shapely.get_coordinates(shapely.shortest_line(space, end))[0] for end in ends)
-        way = graph.way(a, b)
-        if way is None:
-            return None
-        return np.vstack([[place[:2]], way])
+    def _work(self, free: BaseGeometry, space: BaseGeometry) -> tuple[BaseGeometry, BaseGeometry]:
+        """Floor that the tool gets to from there, and what of it is not clean but for slivers."""
+        target = grown(space, self.settings.machine.width_m / 2).intersection(free)
+        left = target.difference(self.clean.area())
+        return target, opened(left, self.settings.sliver_m / 2)
 
     def _sweep(
-        self, free: BaseGeometry, space: Polygon, here: tuple[float, float], old: F64 | None
+        self, places: Places, waits_m2: float, old: F64 | None, is_round: bool
     ) -> Task | None:
+        """What is left, but for what costs a long way while much is left, here or parted off."""
         s = self.settings
-        target = grown(space, s.machine.width_m / 2).intersection(free)
-        swept = self.clean.area()
-        left = target.difference(swept)
-        wide = left.buffer(-s.sliver_m / 2).buffer(s.sliver_m / 2)
+        target, left = self._work(places.free, places.space)
         is_vain = self._tried >= s.tries // 2  # what is left of its tries is for the way home
         enough = s.enough_lively if len(self._moved) >= LIVELY else s.enough
-        if is_vain or self._rounds > s.rounds or wide.area <= enough * target.area:
+        rounds = self._rounds + is_round
+        if is_vain or rounds > s.rounds or left.area <= enough * target.area:
             return None
-        done = target.difference(wide)
         try:
-            prices = LAST if wide.area < MUCH * target.area else FIRST
+            prices = LAST if left.area + waits_m2 < MUCH * target.area else FIRST
             plan = plan_coverage(
-                free, s.machine, here, self._dock[:2], clean=done, old=old, prices=prices
-            )
+                places.free, s.machine, places.place[:2], self._dock[:2],
+                clean=target.difference(left), old=old, prices=prices,
+            )  # fmt: skip
         except FloorError:
             return None
         if not any(segment.kind == "sweep" for segment in plan.segments):
             return None
+        self._rounds = rounds
         return Task("sweep", plan.segments)
 
-    def _wait_for_more(self, free: BaseGeometry, space: Polygon, place: Place) -> Task | None:
-        """Look round before it goes home, where much seen floor is parted off: people pass."""
-        places_m2 = narrowed(free, self.settings.machine.margin_m).area
-        if places_m2 - space.area < PARTED_M2 or self._parted >= PARTED_LOOKS:
-            return None
-        self._parted += 1
-        return Task("look", (), place[2] + TURN_RAD, why="floor that was seen is parted off")
+    def _look_at_gap(self, places: Places, beyond: MultiPolygon, why: str) -> Task:
+        """At what parts floor off, the nearest first: it may be gone. Else it turns on the spot."""
+        near_m = self.settings.machine.margin_m + self.settings.explained_m
+        gaps = {
+            (k, 0): at
+            for k, at in enumerate(between(self._things, places.space, beyond, near_m))
+            if sum(math.dist(at, one) < AT_M for one in self._gaps) < LOOKS
+        }
+        seen_from = next_viewpoint(gaps, places.space, self._bars(), places.place)
+        way = None if seen_from is None else places.way(seen_from.place)
+        if seen_from is None or way is None:
+            self._gaps.append(places.place[:2])
+            return Task("look", (), places.place[2] + TURN_RAD, why=why)
+        self._gaps.append(seen_from.frontier)
+        return Task("look", (Segment("travel", way),), _towards(seen_from), why=why)
 
-    def _home(
-        self, free: BaseGeometry, space: Polygon, graph: VisibilityGraph, place: Place
-    ) -> Task:
-        if space.distance(shapely.Point(self._dock[:2])) > AT_M:  # something parts it off
-            return Task("look", (), place[2] + TURN_RAD, why="something parts it from the dock")
-        if (task := self._wait_for_more(free, space, place)) is not None:
-            return task
-        way = self._way(space, graph, place, self._dock[:2])
-        if way is None:
-            return Task("wait", why="there is no way to the dock")
-        return Task("home", (Segment("travel", way),), self._dock[2])
+
+def _towards(seen_from: Viewpoint) -> float:
+    (x, y), (at_x, at_y) = seen_from.place, seen_from.frontier
+    return math.atan2(at_y - y, at_x - x)
 
 
 def disc(at: Sequence[float], radius_m: float) -> F64:

@@ -46,7 +46,7 @@ MACHINE = Machine(radius_m=0.35, clearance_m=0.035, width_m=0.6, overlap_m=0.01)
 REACH_CLEAR_M = 0.08  # from all that stands there: with less room for the machine it is no floor
 SETTINGS = CleaningSettings(
     machine=MACHINE, cell_m=0.025, size_m=90.0, seen_frames=3, start_clear_m=1.4, guard_m=0.03,
-    explained_m=0.15, sliver_m=0.05, enough=0.002, enough_lively=0.015, rounds=6, tries=24,
+    explained_m=0.15, sliver_m=0.05, enough=0.002, enough_lively=0.02, rounds=6, tries=24,
 )  # fmt: skip
 POSE_M, POSE_RAD = 0.01, math.radians(0.2)  # 1 sigma of the told pose
 AHEAD_M = 0.9  # of the path that is looked at: the machine stands before what is on it

@@ -9,11 +9,20 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from core.paths.cleaning.cleaning import BARRED_M, LOOKS, Cleaning, CleaningSettings, Place, Task
+from core.paths.cleaning.cleaning import (
+    BARRED_M,
+    GAP_LOOKS,
+    LOOKS,
+    Cleaning,
+    CleaningSettings,
+    Place,
+    Task,
+)
 from core.paths.cleaning.free_floor import NO_PLACE, FreeFloor
-from core.paths.cleaning.frontiers import Block
+from core.paths.cleaning.frontiers import FAR_M, NEAR_M, Block
 from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of, walls
 from core.paths.coverage.measures import swept_by
+from core.paths.geometry.space import polygons_in
 from core.paths.records import Machine
 from core.records import PassingThing
 
@@ -247,16 +256,62 @@ def test_where_the_machine_has_no_room_it_waits() -> None:
     assert machine.cleaning.plan(machine.place, around, may_look=True).goal == "wait"
 
 
-def test_much_floor_that_is_parted_off_is_waited_for_before_it_goes_home() -> None:
-    machine = Jumper()
-    machine.jump((0.0, 0.0, 0.0), False)
-    whole = shapely.get_coordinates(ROOM.exterior)[:-1]
-    machine.cleaning.floor.vouch(whole)
-    machine.cleaning.clean.add(whole)
-    people = [*machine.known, new_thing(shapely.box(1.0, -1.5, 1.1, 2.8))]
-    task = machine.cleaning.plan(machine.place, people, may_look=False)
-    assert (task.goal, task.why) == ("look", "floor that was seen is parted off")
-    assert machine.cleaning.plan(machine.place, machine.known, may_look=False).goal == "home"
+HALL = shapely.box(-0.7, -3.0, 9.0, 3.0)  # two rooms, with a door
+DOOR_WALL = walls(np.array([[4.5, -3.0, 4.5, -0.8], [4.5, 0.8, 4.5, 3.0]]))
+IN_DOOR = new_thing(shapely.box(4.3, -0.2, 4.7, 0.2))
+HERE = shapely.box(-0.7, -3.0, 4.6, 3.0)
+
+
+def seen_hall(clean: BaseGeometry) -> Cleaning:
+    cleaning = Cleaning(replace(SETTINGS, tries=24), (0.0, 0.0, 0.0))
+    cleaning.floor.vouch(shapely.get_coordinates(HALL.exterior)[:-1])
+    for part in polygons_in(clean):
+        cleaning.clean.add(shapely.get_coordinates(part.exterior)[:-1])
+    return cleaning
+
+
+def test_it_looks_at_who_parts_off_unswept_floor_before_it_goes_home() -> None:
+    cleaning, place, turned = seen_hall(HERE), (2.0, -2.0, 0.0), 0
+    for _ in range(GAP_LOOKS):
+        task = cleaning.plan(place, [*DOOR_WALL, IN_DOOR], may_look=False)
+        if task.goal != "look":
+            break
+        assert task.why == "floor that was seen is parted off"
+        assert task.yaw is not None
+        if not task.segments:
+            turned += 1
+            continue
+        x, y = task.segments[-1].points[-1].tolist()
+        assert NEAR_M < math.dist((x, y), (4.5, 0.0)) < FAR_M + 1.0
+        assert abs(math.remainder(task.yaw - math.atan2(-y, 4.5 - x), math.tau)) < 0.3
+        place = x, y, task.yaw
+    assert turned > 0, "it looked at him twice, and then round"
+    assert place[0] > 2.5
+    assert cleaning.plan(place, [*DOOR_WALL, IN_DOOR], may_look=False).goal == "home"
+    assert cleaning.plan(place, DOOR_WALL, may_look=False).goal == "sweep"
+
+
+def test_floor_that_is_parted_off_and_clean_keeps_it_from_nothing() -> None:
+    task = seen_hall(HALL).plan((2.0, 0.0, 0.0), [*DOOR_WALL, IN_DOOR], may_look=False)
+    assert task.goal == "home"
+
+
+def test_what_costs_a_long_way_is_left_while_much_floor_is_parted_off() -> None:
+    """It comes by again; else a room was swept for its specks, whoever stood in the door."""
+    specks = shapely.MultiPoint([(x, y) for x in (0.5, 2.0, 3.5) for y in (-2.0, 0.0, 2.0)])
+    swept = HERE.difference(specks.buffer(0.12))
+    cells = [shapely.box(x, y, x + 0.1, y + 0.1) for x in np.arange(-0.7, 4.6, 0.1)
+             for y in np.arange(-3.0, 3.0, 0.1)]  # fmt: skip
+    clean = shapely.MultiPolygon([cell for cell in cells if swept.covers(cell)])
+    beyond = shapely.box(4.5, -3.0, 9.0, 3.0)
+    driven_m = []
+    for is_swept in (True, False):
+        cleaning = seen_hall(shapely.MultiPolygon([*clean.geoms, *[beyond] * is_swept]))
+        task = cleaning.plan((2.0, -2.0, 0.0), [*DOOR_WALL, IN_DOOR], may_look=False)
+        sweeps = [one.points for one in task.segments if one.kind == "sweep"]
+        driven_m.append(sum(shapely.LineString(line).length for line in sweeps))
+    assert driven_m[0] > 3.0
+    assert driven_m[1] < 0.5 * driven_m[0]
 
 
 def test_what_parts_it_from_the_dock_makes_it_stop_and_say_so() -> None:

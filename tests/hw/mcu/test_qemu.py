@@ -103,6 +103,7 @@ def test_its_map_is_the_senders_after_losses_and_noise_on_a_small_stack(tmp_path
         assert np.array_equal(board.window(), before)
 
 
+@pytest.mark.slow
 def test_with_a_key_it_is_believed_and_says_stop_when_nothing_comes(tmp_path: Path) -> None:
     with Board(build_firmware("-DMAPOD_LINK_AUTH"), tmp_path) as board:
         line = line_to(board, size=31, key=KEY)

@@ -128,9 +128,8 @@ def test_heights_of_boxes_that_the_line_passes_over_are_true_to_five_millimetres
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["surface", "certainty"])
-def test_of_a_hundred_images_a_second_none_is_lost(method: Method) -> None:
-    config = with_changes(RAGNO, scanner={"rate_hz": 100.0}, map={"method": method})
+def test_of_a_hundred_images_a_second_none_is_lost() -> None:
+    config = with_changes(RAGNO, scanner={"rate_hz": 100.0})
     loop = StripeLoop(config=config)
     loop.set(rate_hz=100.0)
     loop.run(1.0)

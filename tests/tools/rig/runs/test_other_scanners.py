@@ -19,9 +19,8 @@ def run_of(robot: str, name: str, seed: int, limit_s: float) -> Run:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scene", "seed"), [("aisle", 21), ("turn", 22)])
-def test_a_hokuyo_scanner_brings_the_robot_to_its_goal(scene: str, seed: int) -> None:
-    run = run_of("urg04lx", scene, seed, 200.0)
+def test_a_hokuyo_scanner_brings_the_robot_to_its_goal() -> None:
+    run = run_of("urg04lx", "turn", 22, 200.0)
     result = run.to_end()
     assert not result.collisions
     assert result.reached == result.goals > 0, result.missed

@@ -90,9 +90,11 @@ class Places:
     """Where the machine may be at a moment."""
 
     place: Place  # where it is
+    things: list[Thing]
     free: BaseGeometry  # floor for its outline
     space: Polygon  # for its middle, as far as it gets from there
-    graph: VisibilityGraph  # of that
+    beyond: MultiPolygon  # for its middle, but with no way from there
+    graph: VisibilityGraph  # of the space
 
     def way(self, goal: tuple[float, float]) -> F64 | None:
         """To a goal, by way of the nearest places where it has room."""
@@ -100,6 +102,11 @@ class Places:
         a, b = (shapely.get_coordinates(shapely.shortest_line(self.space, end))[0] for end in ends)
         way = self.graph.way(a, b)
         return None if way is None else np.vstack([[self.place[:2]], way])
+
+    def bars(self) -> BaseGeometry:
+        """What hides the floor behind it."""
+        known = outlines(self.things)
+        return shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in known])
 
 
 class Cleaning:
@@ -116,11 +123,11 @@ class Cleaning:
         c, sin = math.cos(dock[2]), math.sin(dock[2])
         self.floor.vouch(lane @ np.array([[c, sin], [-sin, c]]) + at)
         self.floor.vouch(disc(at, s.machine.radius_m + CLEAR_M))
-        self._things: list[Thing] = []
         self._looks, self._looks_in_all = Counter[Block](), Counter[Block]()  # at frontiers
         self._looked_at: dict[Block, tuple[float, float]] = {}
         self._doubts = dict[int, list[Doubt]]()  # by what is new: of floor below it
         self._rounds = self._tried = 0
+        self._path_beyond: F64 = np.empty((0, 2))  # of paths that something parted off
         self._gaps = list[tuple[float, float]]()  # where it looked at what parts floor off
         self._won_m2 = 0.0
         self._viewpoint: Viewpoint | None = None  # of the last task
@@ -209,7 +216,6 @@ class Cleaning:
         self, place: Place, things: Sequence[Thing], may_look: bool, old: F64 | None,
         barred: BaseGeometry,
     ) -> Task:  # fmt: skip
-        self._things = list(things)
         there, machine = FreeFloor(self.floor, things), self.settings.machine
         self.floor.explain(there.gaps())
         try:
@@ -217,22 +223,23 @@ class Cleaning:
             space = space_at(MultiPolygon(polygons_in(free)), machine, place[:2])
         except FloorError:
             return Task("wait", why="the machine has no room where it stands")
-        places = Places(place, free, space, VisibilityGraph(space))
+        beyond = parted_off(free, machine, space)
+        places = Places(place, list(things), free, space, beyond, VisibilityGraph(space))
         if may_look and (task := self._look(places)) is not None:
             return task
-        beyond = parted_off(free, machine, space)
         waits_m2 = self._work(free, beyond)[1].area
         is_off = space.distance(shapely.Point(self._dock[:2])) > AT_M
         if waits_m2 < PARTED_M2 and not is_off:
             self._gaps.clear()
         if waits_m2 < PARTED_M2 or len(self._gaps) >= GAP_LOOKS:
             waits_m2 = 0.0
-        if (task := self._sweep(places, waits_m2, old, may_look)) is not None:
+        left = self._left_here(old, places)
+        if (task := self._sweep(places, waits_m2, left, may_look)) is not None:
             return task
         if is_off:
-            return self._look_at_gap(places, beyond, "something parts it from the dock")
+            return self._look_at_gap(places, "something parts it from the dock")
         if waits_m2 > 0.0:
-            return self._look_at_gap(places, beyond, "floor that was seen is parted off")
+            return self._look_at_gap(places, "floor that was seen is parted off")
         way = places.way(self._dock[:2])
         if way is None:
             return Task("wait", why="there is no way to the dock")
@@ -258,9 +265,9 @@ class Cleaning:
         return frontier_blocks(self.floor, near, there, least)
 
     def _look(self, places: Places) -> Task | None:
-        blocks = self._blocks(self._things)
+        blocks = self._blocks(places.things)
         left = {name: at for name, at in blocks.items() if self._is_worth_a_look(name, at)}
-        seen_from = next_viewpoint(left, places.space, self._bars(), places.place)
+        seen_from = next_viewpoint(left, places.space, places.bars(), places.place)
         if seen_from is None:
             return None
         self._looks[seen_from.block] += 1
@@ -270,11 +277,6 @@ class Cleaning:
         if way is None:
             return self._look(places)
         return Task("look", (Segment("travel", way),), _towards(seen_from), seen_from)
-
-    def _bars(self) -> BaseGeometry:
-        """What hides the floor behind it."""
-        known = outlines(self._things)
-        return shapely.union_all([one.buffer(GRAZING_M, quad_segs=2) for one in known])
 
     def _is_worth_a_look(self, name: Block, at: tuple[float, float]) -> bool:
         if math.dist(at, self._looked_at.get(name, at)) > MOVED_M:
@@ -287,9 +289,23 @@ class Cleaning:
         left = target.difference(self.clean.area())
         return target, opened(left, self.settings.sliver_m / 2)
 
-    def _sweep(
-        self, places: Places, waits_m2: float, old: F64 | None, is_round: bool
-    ) -> Task | None:
+    def _left_here(self, old: F64 | None, places: Places) -> F64:
+        """Of the old path, and of what was parted off of older ones, what lies in the space.
+
+        What does not is kept: a door is free again, and a path made anew beside what was swept
+        of its room is longer than what was left of one that was made for all of it.
+        """
+        path = self._path_beyond if old is None else np.vstack([old, self._path_beyond])
+        corners = shapely.points(path)
+        to_beyond, to_here = (
+            shapely.distance(corners, part) for part in (places.beyond, places.space)
+        )
+        is_beyond = to_beyond < to_here
+        self._path_beyond = path[is_beyond]
+        here: F64 = path[~is_beyond]
+        return here
+
+    def _sweep(self, places: Places, waits_m2: float, old: F64, is_round: bool) -> Task | None:
         """What is left, but for what costs a long way while much is left, here or parted off."""
         s = self.settings
         target, left = self._work(places.free, places.space)
@@ -311,15 +327,15 @@ class Cleaning:
         self._rounds = rounds
         return Task("sweep", plan.segments)
 
-    def _look_at_gap(self, places: Places, beyond: MultiPolygon, why: str) -> Task:
+    def _look_at_gap(self, places: Places, why: str) -> Task:
         """At what parts floor off, the nearest first: it may be gone. Else it turns on the spot."""
         near_m = self.settings.machine.margin_m + self.settings.explained_m
         gaps = {
             (k, 0): at
-            for k, at in enumerate(between(self._things, places.space, beyond, near_m))
+            for k, at in enumerate(between(places.things, places.space, places.beyond, near_m))
             if sum(math.dist(at, one) < AT_M for one in self._gaps) < LOOKS
         }
-        seen_from = next_viewpoint(gaps, places.space, self._bars(), places.place)
+        seen_from = next_viewpoint(gaps, places.space, places.bars(), places.place)
         way = None if seen_from is None else places.way(seen_from.place)
         if seen_from is None or way is None:
             self._gaps.append(places.place[:2])

@@ -3,6 +3,7 @@
 import math
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from core.paths.cleaning.free_floor import NO_PLACE, FreeFloor
 from core.paths.cleaning.frontiers import FAR_M, NEAR_M, Block
 from core.paths.cleaning.things import Thing, new_thing, outlines, thing_of, walls
 from core.paths.coverage.measures import swept_by
+from core.paths.geometry.rings import joined
 from core.paths.geometry.space import polygons_in
 from core.paths.records import Machine
 from core.records import PassingThing
@@ -312,6 +314,27 @@ def test_what_costs_a_long_way_is_left_while_much_floor_is_parted_off() -> None:
         driven_m.append(sum(shapely.LineString(line).length for line in sweeps))
     assert driven_m[0] > 3.0
     assert driven_m[1] < 0.5 * driven_m[0]
+
+
+def length_m(task: Task) -> float:
+    return float(sum(shapely.LineString(one.points).length for one in task.segments))
+
+
+def test_a_path_that_was_parted_off_goes_on_when_there_is_a_way_again() -> None:
+    """A new one lies beside ragged borders of what was swept."""
+    cleaning = seen_hall(shapely.MultiPolygon())
+    path = joined([s.points for s in cleaning.plan((0.0, 0.0, 0.0), DOOR_WALL, False).segments])
+    k = int(0.3 * len(path))  # in the right room, whose rest is ragged
+    assert path[k, 0] > 5.0
+    places = [(x, y, 0.0) for x, y in path[: k + 1].tolist()]
+    for begin, end in pairwise(places):
+        cleaning.drive(begin, end, True)
+    here = places[-1]
+    parted = cleaning.plan(here, [*DOOR_WALL, IN_DOOR], False, path[k:])
+    driven = joined([s.points for s in parted.segments])
+    assert driven[:, 0].min() > 4.5
+    again = cleaning.plan(here, DOOR_WALL, False, driven)
+    assert length_m(again) < 1.03 * shapely.LineString(path[k:]).length
 
 
 def test_what_parts_it_from_the_dock_makes_it_stop_and_say_so() -> None:

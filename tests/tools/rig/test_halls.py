@@ -37,6 +37,17 @@ def test_a_gap_is_measured_to_boxes_pillars_and_people() -> None:
     assert what == "person 2"
 
 
+def test_somebody_is_in_view_where_nothing_stands_between_him_and_the_lens() -> None:
+    """The lens is ahead of the machine's middle: what hides him from the one may not from both."""
+    (x0, x1), (y0, y1) = hall_of(2).things[0].shapes[0].x, hall_of(2).things[0].shapes[0].y
+    truth, beside = Truth(hall_of(2)), (x0 - 0.05, y0 - 0.6, math.pi / 2)
+    at = x1, y1 + 1.0
+    assert not truth.is_in_view(beside, (beside[0], y0 - 0.3), at, 0.0)
+    assert truth.is_in_view(beside, (x0 - 0.05, y1 + 0.3), at, 0.0)
+    assert not truth.is_in_view((*beside[:2], 0.0), (x0 - 0.05, y1 + 0.3), at, 0.0), "aside"
+    assert not truth.is_in_view(beside, (x0 - 0.05, y1 + 0.3), (x1, y1 + 4.0), 0.0), "far"
+
+
 def test_a_box_that_was_carried_away_stands_where_it_was_put() -> None:
     hall = hall_of(3)
     truth, (before, after) = Truth(hall), hall.moved

@@ -353,12 +353,10 @@ class HallRun:
         """Whether each who stands well in view was reported."""
         if self.world.crowd is None:
             return
-        x, y, yaw = self.world.place
+        place = self.world.place
+        (eye_x, eye_y) = self.camera.pose(place).T_map_sensor[:2, 3].tolist()
         for px, py, _ in self.world.crowd.people().tolist():
-            far, off = math.hypot(px - x, py - y), math.atan2(py - y, px - x) - yaw
-            if not 1.2 < far < 3.5 or abs(math.remainder(off, math.tau)) > math.radians(25.0):
-                continue
-            if self.truth.hides((x, y), (px, py), self.now_s):
+            if not self.truth.is_in_view(place, (eye_x, eye_y), (px, py), self.now_s):
                 continue
             self.tally.people_seen += 1
             at = shapely.Point(px, py)

@@ -1,5 +1,6 @@
 """What is true of a hall, as polygons, and what a run was worth by it. Metres."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ HIGH_M = 1.0  # of the machine: what begins higher does not bar its way
 SAME_M = 0.05  # by which an object may stick out of what it is
 TRUE_PART = 0.8  # so much of an object must lie within that
 LEAST_M = 0.1  # things of that size and more are asked for
+NEAR_M, FAR_M, ASIDE_RAD = 1.2, 3.5, math.radians(25.0)  # somebody there is well in view
 STRAIGHT_M = 0.002  # of the true path, which is made of many short steps
 
 
@@ -58,10 +60,17 @@ class Truth:
         (x0, x1), (y0, y1) = self.hall.inside
         return shapely.box(x0, y0, x1, y1).difference(self.bars_at(t_s))
 
-    def hides(self, eye: tuple[float, float], at: tuple[float, float], t_s: float) -> bool:
-        """Whether something stands between two places."""
-        line = shapely.LineString([eye, at])
-        return bool(line.intersects(self.bars_at(t_s)))
+    def is_in_view(
+        self, place: Sequence[float], eye: tuple[float, float], at: tuple[float, float], t_s: float
+    ) -> bool:
+        """Whether a machine at x, y, yaw sees well what is there, with its lens at `eye`."""
+        x, y, yaw = place
+        off_rad = math.atan2(at[1] - y, at[0] - x) - yaw
+        if not NEAR_M < math.dist((x, y), at) < FAR_M:
+            return False
+        if abs(math.remainder(off_rad, math.tau)) > ASIDE_RAD:
+            return False
+        return not shapely.LineString([eye, at]).intersects(self.bars_at(t_s))
 
     def reachable_at(self, t_s: float, machine: Machine, clear_m: float) -> BaseGeometry:
         """Floor that the tool gets to if the machine keeps so far from all that stands there."""

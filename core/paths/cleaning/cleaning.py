@@ -22,12 +22,13 @@ from core.paths.cleaning.frontiers import (
     GRAZING_M,
     LEAST_CELLS,
     Block,
+    Point,
     Viewpoint,
     block_square,
     frontier_blocks,
     next_viewpoint,
 )
-from core.paths.cleaning.parted import between, parted_off
+from core.paths.cleaning.parted import between, nearer, parted_off
 from core.paths.cleaning.seen_floor import MOST, Doubt, SeenFloor
 from core.paths.cleaning.swept_floor import SweptFloor
 from core.paths.cleaning.things import Thing, outlines
@@ -127,8 +128,10 @@ class Cleaning:
         self._looked_at: dict[Block, tuple[float, float]] = {}
         self._doubts = dict[int, list[Doubt]]()  # by what is new: of floor below it
         self._rounds = self._tried = 0
-        self._path_beyond: F64 = np.empty((0, 2))  # of paths that something parted off
-        self._gaps = list[tuple[float, float]]()  # where it looked at what parts floor off
+        # Of paths that something parted off: a door opens again, and a path made anew beside the
+        # ragged border of what was swept is longer than the rest of one that was made for all.
+        self._path_beyond: F64 = np.empty((0, 2))
+        self._gaps = list[Point]()  # where it looked, since it swept, at what parts floor off
         self._won_m2 = 0.0
         self._viewpoint: Viewpoint | None = None  # of the last task
         self._moved = set[int]()  # what was told to move
@@ -233,8 +236,12 @@ class Cleaning:
             self._gaps.clear()
         if waits_m2 < PARTED_M2 or len(self._gaps) >= GAP_LOOKS:
             waits_m2 = 0.0
-        left = self._left_here(old, places)
-        if (task := self._sweep(places, waits_m2, left, may_look)) is not None:
+        path = self._path_beyond if old is None else np.vstack([old, self._path_beyond])
+        is_beyond = nearer(path, beyond, space)
+        task = self._sweep(places, waits_m2, path[~is_beyond], may_look)
+        self._path_beyond = path if task is None else path[is_beyond]
+        if task is not None:
+            self._gaps.clear()
             return task
         if is_off:
             return self._look_at_gap(places, "something parts it from the dock")
@@ -289,29 +296,15 @@ class Cleaning:
         left = target.difference(self.clean.area())
         return target, opened(left, self.settings.sliver_m / 2)
 
-    def _left_here(self, old: F64 | None, places: Places) -> F64:
-        """Of the old path, and of what was parted off of older ones, what lies in the space.
-
-        What does not is kept: a door is free again, and a path made anew beside what was swept
-        of its room is longer than what was left of one that was made for all of it.
-        """
-        path = self._path_beyond if old is None else np.vstack([old, self._path_beyond])
-        corners = shapely.points(path)
-        to_beyond, to_here = (
-            shapely.distance(corners, part) for part in (places.beyond, places.space)
-        )
-        is_beyond = to_beyond < to_here
-        self._path_beyond = path[is_beyond]
-        here: F64 = path[~is_beyond]
-        return here
-
     def _sweep(self, places: Places, waits_m2: float, old: F64, is_round: bool) -> Task | None:
         """What is left, but for what costs a long way while much is left, here or parted off."""
         s = self.settings
         target, left = self._work(places.free, places.space)
         is_vain = self._tried >= s.tries // 2  # what is left of its tries is for the way home
         enough = s.enough_lively if len(self._moved) >= LIVELY else s.enough
-        rounds = self._rounds + is_round
+        rounds = max(1, self._rounds) if waits_m2 > 0.0 else self._rounds + is_round
+        if rounds > s.rounds:
+            self._rounds = rounds  # for good
         if is_vain or rounds > s.rounds or left.area <= enough * target.area:
             return None
         try:
@@ -328,15 +321,20 @@ class Cleaning:
         return Task("sweep", plan.segments)
 
     def _look_at_gap(self, places: Places, why: str) -> Task:
-        """At what parts floor off, the nearest first: it may be gone. Else it turns on the spot."""
+        """At what parts floor off: it may be gone. Each second time it turns on the spot instead.
+
+        What is looked at least comes first, what no map holds before the rest, the nearest of it.
+        """
         near_m = self.settings.machine.margin_m + self.settings.explained_m
-        gaps = {
-            (k, 0): at
-            for k, at in enumerate(between(places.things, places.space, places.beyond, near_m))
-            if sum(math.dist(at, one) < AT_M for one in self._gaps) < LOOKS
+        ranks = {
+            at: sum(math.dist(at, one) < AT_M for one in self._gaps) + (not is_new)
+            for at, is_new in between(places.things, places.space, places.beyond, near_m)
         }
+        least = min(ranks.values(), default=0)
+        gaps = {(k, 0): at for k, (at, rank) in enumerate(ranks.items()) if rank == least}
+        has_turned = not self._gaps or math.dist(self._gaps[-1], places.place[:2]) < AT_M
         seen_from = next_viewpoint(gaps, places.space, places.bars(), places.place)
-        way = None if seen_from is None else places.way(seen_from.place)
+        way = None if seen_from is None or not has_turned else places.way(seen_from.place)
         if seen_from is None or way is None:
             self._gaps.append(places.place[:2])
             return Task("look", (), places.place[2] + TURN_RAD, why=why)

@@ -85,12 +85,13 @@ test: ## the tests, on all cores: none of them looks at the clock
 	@echo "mapod: running the tests, but not the slow ones and those in real time (make test-all)"
 	@$(PYTEST) $(PARALLEL) -m "not slow and not real_time"
 
-test-all: test $(VENV)/.ready-fuzz ## the tests, then the slow ones, those in real time one by one, the C under sanitizers, mutants
+test-all: test $(VENV)/.ready-fuzz ## the tests, costs, then those in real time and the flash, and beside them the slow ones, mutants, sanitized C
 	@echo "mapod: comparing costs, and what the process uses, with those kept last (make bench)"
 	@$(BIN)/python -m tools.bench.ratios --check
 	@$(PYTEST) -n 0 -m real_time $(COUNTED)
 	@echo "mapod: running what waits (tests in real time, the flash on a second root) and, beside it, what works"
-	@$(MAKE) --no-print-directory -j2 test-waiting test-working
+	@$(MAKE) --no-print-directory -j2 test-waiting test-working || \
+	  { echo "mapod: make test-all failed: above, where 'failed' or 'Error' stands"; exit 1; }
 
 # Nobody asks for these two: they make up the rest of test-all.
 test-waiting: setup $(VENV)/.ready-test

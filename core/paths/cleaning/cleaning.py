@@ -83,7 +83,7 @@ class Task:
     segments: tuple[Segment, ...] = ()
     yaw: float | None = None  # to turn to at the end
     viewpoint: Viewpoint | None = None
-    why: str = ""  # of what waits, turns on the spot or is stuck
+    why: str = ""  # of what waits, looks at what parts it off, or is stuck
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -189,8 +189,9 @@ class Cleaning:
     ) -> Task:  # fmt: skip
         """What to drive next; `stuck`, and why, when so many plans in a row have won nothing.
 
-        Behind a third of them it looks no more, behind half of them it goes home. A look that it
-        came to is none of them: what one frontier hides tells of no other, and each has a count.
+        Behind a third of them it looks no more, behind half of them it goes home. A look at a
+        frontier that it came to is none of them: what one hides tells of no other, and each has a
+        count.
 
         Args:
             things: all that is known to stand or to move, walls too.

@@ -23,7 +23,7 @@ class Planned(Struct, frozen=True, eq=False):
     t_s: float  # host monotonic clock: when it was asked for
     epoch: int  # of the map, as in `core.objects.seen.Seen`
     goal: str  # "look", "sweep", "home", "wait" or "stuck"
-    why: str  # of what waits, turns on the spot or is stuck; "" else
+    why: str  # of what waits, looks at what parts it off, or is stuck; "" else
     segments: tuple[PathSegment, ...]
     seen_m2: float  # floor that was seen by then, and clean floor
     clean_m2: float

@@ -54,7 +54,8 @@ DIRT_M2 = 0.005  # that is not clean: so little is left at the borders of bands
 CLEAR_M = 0.08  # around the machine, that is clear where it starts,
 LANE_CLEAR_M = 0.2  # and beside it on the way before the dock
 BARRED_M = 1.5  # where it was barred: so near it cannot look (`frontiers.NEAR_M`, and its size)
-PARTED_M2, GAP_LOOKS = 1.0, 8  # of unswept floor that is parted off: so often it looks what does it
+PARTED_M2 = 1.0  # of unswept floor that something parts off: with less it goes home
+GAP_LOOKS = 8  # at what parts it off, until it sweeps all that is left where it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,12 +232,8 @@ class Cleaning:
         places = Places(place, list(things), free, space, beyond, VisibilityGraph(space))
         if may_look and (task := self._look(places)) is not None:
             return task
-        waits_m2 = self._work(free, beyond)[1].area
         is_off = space.distance(shapely.Point(self._dock[:2])) > AT_M
-        if waits_m2 < PARTED_M2 and not is_off:
-            self._gaps.clear()
-        if waits_m2 < PARTED_M2 or len(self._gaps) >= GAP_LOOKS:
-            waits_m2 = 0.0
+        waits_m2 = self._waiting_m2(places, is_off)
         path = self._path_beyond if old is None else np.vstack([old, self._path_beyond])
         is_beyond = nearer(path, beyond, space)
         task = self._sweep(places, waits_m2, path[~is_beyond], may_look)
@@ -297,15 +294,29 @@ class Cleaning:
         left = target.difference(self.clean.area())
         return target, opened(left, self.settings.sliver_m / 2)
 
+    def _waiting_m2(self, places: Places, is_off: bool) -> float:
+        """Unswept floor that is parted off, as long as there are looks left at what does it.
+
+        Args:
+            is_off: from the dock, too.
+        """
+        unswept_m2 = self._work(places.free, places.beyond)[1].area
+        if unswept_m2 < PARTED_M2:
+            if not is_off:
+                self._gaps.clear()  # nothing is parted off: what comes is something else
+            return 0.0
+        return unswept_m2 if len(self._gaps) < GAP_LOOKS else 0.0
+
     def _sweep(self, places: Places, waits_m2: float, old: F64, is_round: bool) -> Task | None:
         """What is left, but for what costs a long way while much is left, here or parted off."""
         s = self.settings
         target, left = self._work(places.free, places.space)
         is_vain = self._tried >= s.tries // 2  # what is left of its tries is for the way home
         enough = s.enough_lively if len(self._moved) >= LIVELY else s.enough
+        # A plan while floor waits is no round, but the first one lets small frontiers count.
         rounds = max(1, self._rounds) if waits_m2 > 0.0 else self._rounds + is_round
         if rounds > s.rounds:
-            self._rounds = rounds  # for good
+            self._rounds = rounds  # for good: plans round what bars its way home are none either
         if is_vain or rounds > s.rounds or left.area <= enough * target.area:
             return None
         try:
@@ -324,7 +335,8 @@ class Cleaning:
     def _look_at_gap(self, places: Places, why: str) -> Task:
         """At what parts floor off: it may be gone. Each second time it turns on the spot instead.
 
-        What is looked at least comes first, what no map holds before the rest, the nearest of it.
+        What it has looked at most seldom comes first, the nearest of that; what a map holds counts
+        as looked at once more.
         """
         near_m = self.settings.machine.margin_m + self.settings.explained_m
         ranks = {

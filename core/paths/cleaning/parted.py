@@ -38,7 +38,7 @@ def between(
     all around, are none of them.
     """
     return [
-        (at_of(shapely.shortest_line(space, one.outline)), not len(one.seen))
+        (_begin_of(shapely.shortest_line(space, one.outline)), not len(one.seen))
         for one in things
         if one.seen is not None
         and one.outline.dwithin(space, near_m)
@@ -46,7 +46,7 @@ def between(
     ]
 
 
-def at_of(line: LineString) -> Point:
+def _begin_of(line: LineString) -> Point:
     """Where it begins."""
     x, y = line.coords[0]
     return x, y

@@ -354,7 +354,7 @@ class HallRun:
         if self.world.crowd is None:
             return
         place = self.world.place
-        (eye_x, eye_y) = self.camera.pose(place).T_map_sensor[:2, 3].tolist()
+        eye_x, eye_y = self.camera.pose(place).T_map_sensor[:2, 3].tolist()
         for px, py, _ in self.world.crowd.people().tolist():
             if not self.truth.is_in_view(place, (eye_x, eye_y), (px, py), self.now_s):
                 continue

@@ -94,9 +94,11 @@ def test_a_fault_while_driving_does_what_the_catalogue_says() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "title", [one.title for one in CATALOGUE if one.device == "drive" and one.must == "stops"]
+    "title", [one.title for one in CATALOGUE if one.device == "drive" and one.must != "goes on"]
 )
-def test_each_fault_of_the_motor_controller_that_must_stop_the_robot_does(title: str) -> None:
+def test_each_fault_of_the_motor_controller_that_may_stop_it_does_what_the_catalogue_says(
+    title: str,
+) -> None:
     """What the wheels tell decides what of a map outlives a fault; `make faults` has all others."""
     assert problems(BY_TITLE[title], drive_with(BY_TITLE[title])) == []
 
